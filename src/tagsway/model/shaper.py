@@ -1,0 +1,116 @@
+"""An input shaper: what a command is convolved with so that a mode stays at rest."""
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from tagsway.errors import InputError
+from tagsway.model.estimate import FORBID_UNKNOWN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Impulse:
+    """One impulse of a shaper."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    time_s: float
+    amplitude: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DigitalFilter:
+    """A linear filter in continuous time, coefficients of falling powers of s."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignMode:
+    """What a shaper was designed for: undamped frequency and damping, at the operating amplitude."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    frequency_hz: float
+    damping_ratio: float
+    amplitude_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How the natural frequency varies between repeats, and where that is known from."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    source: str
+    natural_frequency_std_percent: float
+    n: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Residual:
+    """Residual vibration V: at the design mode, and the 95th percentile over the spread between repeats."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    at_mode: float
+    p95: float | None = None
+    spread: Spread | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shaper:
+    """Impulses, and what may be convolved with them.
+
+    Parameters
+    ----------
+    type : str
+        Its name: "zv", "zvd" …
+    modes : tuple of DesignMode
+        What it was designed for.
+    impulses : tuple of Impulse
+        Times from 0 upwards, amplitudes that sum to 1.
+    box_s : float or None
+        Length of a box (moving average) that is convolved with the impulses.
+    filter : DigitalFilter or None
+        A filter in series.
+    time_scale : float
+        By which the move itself is stretched before it is shaped; 1 leaves it.
+    insensitivity_5_percent : float or None
+        Width, as a fraction of the design frequency, of the band in which V ≤ 5 %.
+    residual : Residual or None
+        Residual vibration V.
+    source : str
+        Where the mode came from.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    type: str
+    modes: tuple[DesignMode, ...]
+    impulses: tuple[Impulse, ...]
+    box_s: float | None = None
+    filter: DigitalFilter | None = None
+    time_scale: float = 1.0
+    insensitivity_5_percent: float | None = None
+    residual: Residual | None = None
+    source: str = field(default="given")
+
+    def __post_init__(self) -> None:
+        times = [impulse.time_s for impulse in self.impulses]
+        total = math.fsum(impulse.amplitude for impulse in self.impulses)
+        if not times or times[0] != 0 or any(not b > a for a, b in itertools.pairwise(times)):
+            raise InputError(f"a shaper's impulses must start at 0 s and follow one another, not {times}")
+        if not abs(total - 1) <= 1e-9:
+            raise InputError(f"a shaper's amplitudes must sum to 1, not {total:.12g}")
+        if self.box_s is not None and not self.box_s > 0:
+            raise InputError(f"a shaper's box must have a positive length, not {self.box_s:g} s")
+
+    @property
+    def duration_s(self) -> float:
+        """What the shaper adds to a move: the last impulse's time, and the box."""
+        return self.impulses[-1].time_s + (self.box_s or 0.0)

@@ -1,0 +1,126 @@
+"""A tag in one image, and in all of them; in pixels.
+
+Pixel coordinates are (x right, y down), and (0, 0) is the *centre* of the first pixel. A tag's own frame is x right,
+y up, the outer edge of its black square at ±1; corners run (-1, -1), (1, -1), (1, 1), (-1, 1): lower left first, then
+counter-clockwise as one looks at the upright artwork.
+"""
+
+from dataclasses import dataclass
+
+from tagsway.model.arrays import BoolArray, FloatArray
+from tagsway.model.video import VideoInfo
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """A tag that a detector found.
+
+    Parameters
+    ----------
+    tag_id : int
+        Its number in the family.
+    corners_px : ndarray, shape (4, 2)
+        Corners of the black square, in the order of this module.
+    margin : float
+        The detector's decision margin; more is surer.
+    hamming : int
+        Bits that had to be corrected.
+    """
+
+    tag_id: int
+    corners_px: FloatArray
+    margin: float
+    hamming: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """A tag in one image, measured by aligning its known pattern.
+
+    Parameters
+    ----------
+    homography : ndarray, shape (3, 3)
+        Takes the tag's own frame to pixels; its last element is 1.
+    corners_px : ndarray, shape (4, 2)
+        Corners of the black square, in the order of this module.
+    centre_px : ndarray, shape (2,)
+        Image of the tag's centre.
+    covariance_px2 : ndarray, shape (2, 2)
+        Covariance of the centre.
+    angle_rad : float
+        Direction of the tag's x axis at its centre, counter-clockwise from the image's x axis as one looks at the
+        image.
+    angle_std_rad : float
+        Its standard error.
+    correlation : float
+        Of the pattern with the image, -1..1.
+    """
+
+    homography: FloatArray
+    corners_px: FloatArray
+    centre_px: FloatArray
+    covariance_px2: FloatArray
+    angle_rad: float
+    angle_std_rad: float
+    correlation: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagSightings:
+    """One tag over all frames of a video; NaN where it was not seen.
+
+    Parameters
+    ----------
+    tag_id : int
+        Its number in the family.
+    centre_px : ndarray, shape (n, 2)
+        Image of the tag's centre.
+    covariance_px2 : ndarray, shape (n, 2, 2)
+        Covariance of the centre.
+    corners_px : ndarray, shape (n, 4, 2)
+        Corners of the black square.
+    angle_rad, angle_std_rad : ndarray, shape (n,)
+        Direction in the image as in `Sighting`, in (-π, π], and its standard error.
+    correlation : ndarray, shape (n,)
+        Of the pattern with the image.
+    """
+
+    tag_id: int
+    centre_px: FloatArray
+    covariance_px2: FloatArray
+    corners_px: FloatArray
+    angle_rad: FloatArray
+    angle_std_rad: FloatArray
+    correlation: FloatArray
+
+    @property
+    def seen(self) -> BoolArray:
+        """In which frames the tag was measured, shape (n,)."""
+        seen: BoolArray = self.correlation == self.correlation
+        return seen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sightings:
+    """Every wanted tag over all frames of one video.
+
+    Parameters
+    ----------
+    video : VideoInfo
+        The video they were seen in.
+    time_s : ndarray, shape (n,)
+        Time of each frame.
+    tags : tuple of TagSightings
+        One for each tag that was seen at all.
+    detector_calls : int
+        How often the detector ran, on whole frames and on crops.
+    """
+
+    video: VideoInfo
+    time_s: FloatArray
+    tags: tuple[TagSightings, ...]
+    detector_calls: int
+
+    def tag(self, tag_id: int) -> TagSightings | None:
+        """Return the sightings of one tag, None where it was never seen."""
+        return next((tag for tag in self.tags if tag.tag_id == tag_id), None)

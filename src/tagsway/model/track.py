@@ -1,0 +1,108 @@
+"""Tags over time in the plane of the motion: x right, z up.
+
+Positions are in metres where a tag's size is known, else in pixels (z still up): `Track.length_unit` says which. What
+was not seen is NaN, never left out, never filled in.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tagsway.model.arrays import FloatArray, IntArray
+from tagsway.model.estimate import Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagTrack:
+    """One tag's motion as it was measured.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2)
+        x and z, in the track's length unit.
+    position_std : ndarray, shape (n, 2)
+        Their standard errors (noise only; scale is a systematic error of its own).
+    angle_rad : ndarray, shape (n,)
+        The tag's rotation in the plane, counter-clockwise with x right and z up, unwrapped; a payload that swings to
+        +x turns by a positive angle. NaN throughout where the source has no angle.
+    angle_std_rad : ndarray, shape (n,)
+        Its standard error.
+    scale_mm_per_px : Estimate or None
+        Millimetres in the tag's plane to a pixel; None where the source has no pixels or the size is not known.
+    """
+
+    position: FloatArray
+    position_std: FloatArray
+    angle_rad: FloatArray
+    angle_std_rad: FloatArray
+    scale_mm_per_px: Estimate | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """The motion of the tool (TCP), the product (PCP) and, where there is one, a machine-fixed reference.
+
+    Parameters
+    ----------
+    frame : ndarray of int, shape (n,)
+        Number of each sample in its source.
+    time_s : ndarray, shape (n,)
+        Strictly increasing.
+    length_unit : {"m", "px"}
+        Of all positions.
+    pcp : TagTrack
+        The product.
+    tcp : TagTrack or None
+        The tool; None where it was never seen: then positions are those of the PCP alone.
+    reference : TagTrack or None
+        The machine-fixed tag; where there is one, its shake was taken off the other two already.
+    """
+
+    frame: IntArray
+    time_s: FloatArray
+    length_unit: Literal["m", "px"]
+    pcp: TagTrack
+    tcp: TagTrack | None = None
+    reference: TagTrack | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CleanTagTrack:
+    """One tag's motion without spikes, with derivatives; NaN only where a gap is too long to bridge.
+
+    Parameters
+    ----------
+    position, velocity, acceleration : ndarray, shape (n, 2)
+        x and z, in the track's length unit, per second and per second squared.
+    bandwidth_hz : float
+        Where the smoothing has halved an oscillation's amplitude.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    bandwidth_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CleanTrack:
+    """A track cleaned of spikes, at the same times as its `Track`.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        As in the track.
+    pcp : CleanTagTrack
+        The product.
+    tcp : CleanTagTrack or None
+        The tool.
+    method : {"spline", "median"}
+        A smoothing spline, or medians as in the thesis.
+    spikes : int
+        How many samples were taken for spikes.
+    """
+
+    time_s: FloatArray
+    pcp: CleanTagTrack
+    tcp: CleanTagTrack | None
+    method: Literal["spline", "median"]
+    spikes: int

@@ -1,0 +1,43 @@
+"""What comes out of a video file: grey images with their true times."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from tagsway.model.arrays import GreyArray
+from tagsway.model.estimate import FORBID_UNKNOWN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One grey image.
+
+    Parameters
+    ----------
+    index : int
+        Place in the file, from 0, in the order of presentation.
+    time_s : float
+        Time of the middle of the frame's exposure, as far as the file tells; 0 at the first frame.
+    grey : ndarray of uint8, shape (height, width)
+        Luma in full range (0..255), upright as a player would show it.
+    """
+
+    index: int
+    time_s: float
+    grey: GreyArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VideoInfo:
+    """What is known of a video once it was read."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    frames: int
+    fps_hz: float
+    time_source: Literal["container", "option", "metadata"]
+    pts_rounding_s: float
+    dropped: int
+    duplicated: int
+    width: int
+    height: int
+    duration_s: float
