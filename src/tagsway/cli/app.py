@@ -1,0 +1,84 @@
+"""The subcommands, and what an error looks like."""
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from tagsway import __version__
+from tagsway.cli import identify, render, shape
+from tagsway.errors import InputError, NotIdentifiableError, TagswayError
+
+DONE, OTHER, UNUSABLE, NOT_DETERMINED = 0, 1, 2, 3
+"""Exit codes."""
+
+app = typer.Typer(
+    name="identify",
+    help="Film a payload that carries two AprilTags, get a motion that leaves it at rest.",
+    epilog="Where the first word is no subcommand, it is the file: identify video.mp4 is identify run video.mp4.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"tagsway {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None: ...
+
+
+app.command("run")(identify.run)
+app.command("render")(render.render)
+app.command("shaper")(shape.shaper)
+app.command("trajectory")(shape.trajectory)
+
+SUBCOMMANDS = frozenset(str(command.name) for command in app.registered_commands)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit code; an error is one line on standard error."""
+    try:
+        code = app(_with_subcommand(list(arguments)), standalone_mode=False)
+    except NotIdentifiableError as error:
+        return _complain(error, NOT_DETERMINED)
+    except InputError as error:
+        return _complain(error, UNUSABLE)
+    except TagswayError as error:
+        return _complain(error, OTHER)
+    except (KeyboardInterrupt, typer.Abort):
+        return _complain("interrupted", OTHER)
+    except BrokenPipeError:
+        return OTHER
+    except Exception as error:
+        usage = getattr(error, "format_message", None)  # an unknown option, a missing argument
+        if usage is not None:
+            return _complain(usage(), UNUSABLE)
+        return _complain(
+            f"unexpected {type(error).__name__}: {error}; this is a fault in tagsway, please report it", OTHER
+        )
+    return code if isinstance(code, int) else DONE
+
+
+def _with_subcommand(arguments: list[str]) -> list[str]:
+    """Put `run` before a first word that is no subcommand, and before options of a run."""
+    own = ("-h", "--help", "--version")
+    if arguments and arguments[0] not in SUBCOMMANDS and arguments[0] not in own:
+        return ["run", *arguments]
+    return arguments
+
+
+def _complain(error: object, code: int) -> int:
+    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    return code

@@ -1,0 +1,402 @@
+"""Figures for a folder: one picture for each part of the evidence.
+
+Each ``plot_…`` draws one curve into a figure of its own, or into axes that are handed in, and returns the figure. None
+shows anything, none uses pyplot, so nothing stays behind when the figure is let go.
+"""
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tagsway.model import (
+    Curves,
+    DecayCurve,
+    Estimate,
+    FloatArray,
+    PendulumCurve,
+    ResidualCurve,
+    Result,
+    Shaper,
+    SpectrumCurve,
+    TrackCurve,
+    TrajectoryCurve,
+    Window,
+)
+from tagsway.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    RULE,
+    VERMILION,
+    LengthUnit,
+    drawn_acceleration,
+    drawn_length,
+    length_unit,
+    shaped_frequency,
+    shown_range,
+    sideways_axis,
+    to_decibel,
+)
+from tagsway.report.words import format_estimate
+
+FIGURE_NAMES = ("track", "decay", "spectrum", "pendulum", "residual", "trajectory")
+
+
+def plot_track(
+    curve: TrackCurve,
+    *,
+    unit: LengthUnit = "m",
+    window: Window | None = None,
+    axes: Sequence[Axes] | None = None,
+) -> Figure:
+    """Draw the raw and the cleaned track of tool and product: x, z and the horizontal acceleration over time.
+
+    Parameters
+    ----------
+    curve : TrackCurve
+        Raw and cleaned track.
+    unit : {"m", "px"}
+        Its length unit; metres are drawn in mm.
+    window : Window, optional
+        The free vibration, drawn as a band.
+    axes : sequence of three Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    Figure
+        That of the axes.
+    """
+    figure, (upper, middle, lower) = _panels(axes, (3, 2, 2), height_inch=6.4)
+    scale, name = drawn_length(unit)
+    for axis, panel in enumerate((upper, middle)):
+        for raw, clean, colour, dash, who in (
+            (curve.tcp, curve.tcp_clean, BLUE, "--", "tool (TCP)"),
+            (curve.pcp, curve.pcp_clean, VERMILION, "-", "product (PCP)"),
+        ):
+            if np.any(np.isfinite(raw[:, axis])):
+                panel.plot(curve.time_s, scale * raw[:, axis], ".", color=GREY, ms=2, label="raw")
+                panel.plot(curve.time_s, scale * clean[:, axis], dash, color=colour, lw=1.2, label=who)
+        shown, cut = (curve.tcp_clean, curve.pcp_clean), (curve.tcp, curve.pcp)
+        _frame(panel, [scale * s[:, axis] for s in shown], [scale * c[:, axis] for c in cut])
+    for acceleration, colour, dash, who in (
+        (curve.tcp_acceleration, BLUE, "--", "tool (TCP)"),
+        (curve.pcp_acceleration, VERMILION, "-", "product (PCP)"),
+    ):
+        if np.any(np.isfinite(acceleration[:, 0])):
+            lower.plot(curve.time_s, acceleration[:, 0], dash, color=colour, lw=1, label=who)
+    if window is not None:
+        for panel in (upper, middle, lower):
+            panel.axvspan(window.start_s, window.end_s, color=GREEN, alpha=0.1, lw=0, label="free vibration")
+    _name(upper, "Track", f"x ({name})", legend=True)
+    _name(middle, None, f"z ({name})")
+    _name(lower, None, f"x acceleration\n({drawn_acceleration(unit)})", x="time (s)")
+    return figure
+
+
+def plot_decay(curve: DecayCurve, *, unit: LengthUnit = "m", axes: Sequence[Axes] | None = None) -> Figure:
+    """Draw the free decay with its fit, envelope and peaks, and the residual below.
+
+    Parameters
+    ----------
+    curve : DecayCurve
+        The sway about its rest position.
+    unit : {"m", "px"}
+        Its length unit; metres are drawn in mm.
+    axes : sequence of two Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    Figure
+        That of the axes.
+    """
+    figure, (upper, lower) = _panels(axes, (3, 1), height_inch=4.8)
+    scale, name = drawn_length(unit)
+    upper.plot(curve.time_s, scale * curve.sway, ".", color=GREY, ms=3, label="measured")
+    upper.plot(curve.time_s, scale * curve.fit, "-", color=VERMILION, lw=1, label="fit")
+    upper.plot(curve.time_s, scale * curve.envelope, "--", color=INK, lw=1, label="envelope")
+    upper.plot(curve.time_s, -scale * curve.envelope, "--", color=INK, lw=1)
+    upper.plot(curve.peak_time_s, scale * curve.peak_sway, "o", mfc="none", mec=BLUE, ms=4, mew=1, label="peaks")
+    lower.plot(curve.time_s, scale * curve.residual, ".", color=INK, ms=2)
+    lower.axhline(0, color=GREY, lw=0.8)
+    _frame(upper, [scale * curve.fit, scale * curve.envelope, -scale * curve.envelope], [scale * curve.sway])
+    _frame(lower, [], [scale * curve.residual])
+    _name(upper, "Free decay", f"sway ({name})", legend=True)
+    _name(lower, None, f"measured − fit\n({name})", x="time (s)")
+    return figure
+
+
+def plot_spectrum(
+    curve: SpectrumCurve, *, natural_frequency_hz: Estimate | None = None, axes: Sequence[Axes] | None = None
+) -> Figure:
+    """Draw the spectrum of the decay, in dB below its largest line, with f_n and its 95 % interval.
+
+    Parameters
+    ----------
+    curve : SpectrumCurve
+        Amplitude over frequency.
+    natural_frequency_hz : Estimate, optional
+        Drawn as a line and a band; the axis then ends at six times it.
+    axes : sequence of one Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    Figure
+        That of the axes.
+    """
+    figure, (panel,) = _panels(axes, (1,), height_inch=3.4)
+    panel.plot(curve.frequency_hz, to_decibel(curve.amplitude), color=INK, lw=1, label="decay")
+    panel.set_ylim(-80, 5)
+    if natural_frequency_hz is not None:
+        _mark_frequency(panel, natural_frequency_hz, f"f$_n$ = {format_estimate(natural_frequency_hz, 'Hz')}")
+        panel.set_xlim(0, 6 * natural_frequency_hz.value)
+    _name(panel, "Spectrum of the decay", "amplitude (dB, 0 = largest)", x="frequency (Hz)", legend=True)
+    return figure
+
+
+def plot_pendulum(curve: PendulumCurve, *, unit: LengthUnit = "m", axes: Sequence[Axes] | None = None) -> Figure:
+    """Draw the measured sway against the simulated one, both axes, and their difference.
+
+    Parameters
+    ----------
+    curve : PendulumCurve
+        PCP minus TCP, measured and simulated.
+    unit : {"m", "px"}
+        Its length unit; metres are drawn in mm.
+    axes : sequence of three Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    Figure
+        That of the axes.
+    """
+    figure, panels = _panels(axes, (3, 2, 2), height_inch=6.4)
+    scale, name = drawn_length(unit)
+    for axis, panel in enumerate(panels[:2]):
+        panel.plot(curve.time_s, scale * curve.measured[:, axis], ".", color=GREY, ms=3, label="measured")
+        panel.plot(curve.time_s, scale * curve.simulated[:, axis], "-", color=VERMILION, lw=1, label="simulated")
+        _frame(panel, [scale * curve.simulated[:, axis]], [scale * curve.measured[:, axis]])
+    difference = scale * (curve.measured - curve.simulated)
+    panels[2].plot(curve.time_s, difference[:, 0], "-", color=BLUE, lw=0.8, label="x")
+    panels[2].plot(curve.time_s, difference[:, 1], "--", color=INK, lw=0.8, label="z")
+    _frame(panels[2], [], [difference[:, 0], difference[:, 1]])
+    _name(panels[0], "Pendulum: product relative to tool", f"x ({name})", legend=True)
+    _name(panels[1], None, f"z ({name})")
+    _name(panels[2], None, f"measured −\nsimulated ({name})", x="time (s)", legend=True)
+    return figure
+
+
+def plot_residual(
+    curve: ResidualCurve,
+    *,
+    frequency_hz: Estimate | None = None,
+    shaper: Shaper | None = None,
+    axes: Sequence[Axes] | None = None,
+) -> Figure:
+    """Draw the swing that a shaper leaves, over the frequency that the payload turns out to have.
+
+    Parameters
+    ----------
+    curve : ResidualCurve
+        Residual vibration V.
+    frequency_hz : Estimate, optional
+        Of the payload at the operating amplitude; its 95 % interval is drawn as a band.
+    shaper : Shaper, optional
+        Whose V at the design frequency is marked.
+    axes : sequence of one Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    Figure
+        That of the axes.
+    """
+    figure, (panel,) = _panels(axes, (1,), height_inch=3.4)
+    panel.plot(curve.frequency_hz, 100 * curve.residual, color=INK, lw=1.4, label="shaper")
+    panel.axhline(5, color=GREY, ls=":", lw=1.2, label="5 %")
+    if frequency_hz is not None:
+        _mark_frequency(panel, frequency_hz, f"payload: {format_estimate(frequency_hz, 'Hz')}")
+    if shaper is not None and shaper.residual is not None:
+        at_mode = [shaper.modes[0].frequency_hz] if shaper.modes else []
+        panel.plot(
+            at_mode,
+            [100 * shaper.residual.at_mode] * len(at_mode),
+            "o",
+            color=VERMILION,
+            ms=6,
+            label="design",
+            clip_on=False,
+        )
+    panel.set_ylim(bottom=0)
+    title = "What the shaper leaves" if shaper is None else f"What the {shaper.type.upper()} shaper leaves"
+    _name(panel, title, "residual vibration V\n(% of the swing)", x="frequency (Hz)", legend=True)
+    return figure
+
+
+def plot_trajectory(curve: TrajectoryCurve, *, axes: Sequence[Axes] | None = None) -> Figure:
+    """Draw a move before and after shaping: position and acceleration over time, and the path.
+
+    Parameters
+    ----------
+    curve : TrajectoryCurve
+        The tool's move; the sideways axis drawn is the one of x and y with the longer way.
+    axes : sequence of five Axes, optional
+        To draw into: sideways, z, sideways acceleration, z acceleration, path.
+
+    Returns
+    -------
+    Figure
+        That of the axes.
+    """
+    figure, panels = _panels(axes, (2, 2, 2, 2, 3), height_inch=9.0, alone=1)
+    side, side_name = sideways_axis(curve)
+    for data, acceleration, colour, dash, label in (
+        (curve.unshaped_m, curve.unshaped_m_s2, BLUE, "--", "before shaping"),
+        (curve.shaped_m, curve.shaped_m_s2, VERMILION, "-", "after shaping"),
+    ):
+        drawn: list[FloatArray] = [1e3 * data[:, side], 1e3 * data[:, 2], acceleration[:, side], acceleration[:, 2]]
+        for panel, values in zip(panels, drawn, strict=False):
+            panel.plot(curve.time_s, values, dash, color=colour, lw=1.3, label=label)
+        panels[4].plot(drawn[0], drawn[1], dash, color=colour, lw=1.3)
+    _name(panels[0], "Move", f"{side_name} (mm)", legend=True)
+    _name(panels[1], None, "z (mm)")
+    _name(panels[2], None, f"{side_name} acceleration\n(m/s²)")
+    _name(panels[3], None, "z acceleration\n(m/s²)", x="time (s)")
+    _name(panels[4], None, "z (mm)", x=f"{side_name} (mm)")
+    return figure
+
+
+def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, ...]:
+    """Write a PNG for each curve that there is; a picture of an earlier run that this one does not have is removed.
+
+    Parameters
+    ----------
+    result : Result
+        For what is marked in the figures.
+    curves : Curves
+        What is drawn.
+    folder : Path
+        Made where it is missing.
+
+    Returns
+    -------
+    tuple of Path
+        What was written. The same input gives the same bytes; each file is written whole or not at all.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, plot in _plots(result, curves).items():
+        path = folder / f"{name}.png"
+        if plot is None:
+            path.unlink(missing_ok=True)
+            continue
+        _save(plot(), path)
+        written.append(path)
+    return tuple(written)
+
+
+def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure] | None]:
+    unit = length_unit(result)
+    decay, spectrum, pendulum = curves.decay, curves.spectrum, curves.pendulum
+    residual, trajectory = curves.residual, curves.trajectory
+    natural = None if result.modal is None else result.modal.natural_frequency_hz
+    shaped, shaper = shaped_frequency(result), result.shaper
+    return {
+        "track": lambda: plot_track(curves.track, unit=unit, window=result.window),
+        "decay": None if decay is None else lambda: plot_decay(decay, unit=unit),
+        "spectrum": None if spectrum is None else lambda: plot_spectrum(spectrum, natural_frequency_hz=natural),
+        "pendulum": None if pendulum is None else lambda: plot_pendulum(pendulum, unit=unit),
+        "residual": None if residual is None else lambda: plot_residual(residual, frequency_hz=shaped, shaper=shaper),
+        "trajectory": None if trajectory is None else lambda: plot_trajectory(trajectory),
+    }
+
+
+def _save(figure: Figure, path: Path) -> None:
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=".png")
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            # without the program's version in the metadata the same input gives the same bytes
+            figure.savefig(file, format="png", dpi=150, metadata={"Software": None})
+        temporary.chmod(0o644)  # mkstemp makes it private
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _panels(
+    axes: Sequence[Axes] | None, heights: tuple[int, ...], *, height_inch: float, alone: int = 0
+) -> tuple[Figure, Sequence[Axes]]:
+    """Return the axes handed in, or a new figure of panels above one another; all but the last `alone` share x."""
+    if axes is not None:
+        if len(axes) != len(heights):
+            raise ValueError(f"this figure has {len(heights)} panels, but {len(axes)} axes were given")
+        figure = axes[0].get_figure(root=True)
+        if figure is None:
+            raise ValueError("these axes belong to no figure")
+        return figure, axes
+    figure = Figure(figsize=(8, height_inch), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    panels: list[Axes] = []
+    for row in range(len(heights)):
+        shared = panels[0] if 0 < row < len(heights) - alone else None
+        panels.append(figure.add_subplot(grid[row, 0], sharex=shared))
+    for panel in panels[: len(heights) - alone - 1]:
+        panel.tick_params(labelbottom=False)
+    return figure, panels
+
+
+def _name(panel: Axes, title: str | None, y: str, *, x: str | None = None, legend: bool = False) -> None:
+    panel.set_ylabel(y)
+    if x is not None:
+        panel.set_xlabel(x)
+    if title is not None:
+        panel.set_title(title, loc="left", fontweight="bold", color=INK, pad=24)  # the legend stands below it
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.grid(color=RULE, lw=0.7)
+    panel.set_axisbelow(True)
+    entries = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    if legend and entries:
+        panel.legend(
+            entries.values(),
+            entries.keys(),
+            loc="lower left",
+            bbox_to_anchor=(0, 1),
+            ncols=len(entries),
+            frameon=False,
+            fontsize="small",
+            borderaxespad=0.3,
+            borderpad=0,
+            columnspacing=1.2,
+            handletextpad=0.5,
+        )
+
+
+def _frame(panel: Axes, whole: Sequence[FloatArray], cut: Sequence[FloatArray]) -> None:
+    """Show all of some curves and the bulk of others, and say how many samples lie outside."""
+    shown = shown_range(whole, cut)
+    if shown is None:
+        return
+    panel.set_ylim(*shown)
+    outside = sum(int(np.sum((values < shown[0]) | (values > shown[1]))) for values in cut)
+    if outside:
+        text = f"{outside} sample{'' if outside == 1 else 's'} outside"
+        panel.text(0.995, 1.01, text, transform=panel.transAxes, ha="right", va="bottom", size="small", color="#5c6570")
+
+
+def _mark_frequency(panel: Axes, frequency_hz: Estimate, label: str) -> None:
+    low, high = frequency_hz.ci95
+    if np.isfinite(low) and np.isfinite(high):
+        panel.axvspan(low, high, color=BLUE, alpha=0.2, lw=0, label="its 95 % interval")
+    panel.axvline(frequency_hz.value, color=BLUE, ls="--", lw=1.2, label=label)

@@ -1,0 +1,115 @@
+"""Colours and units that the figures and the page share."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from tagsway.model import Estimate, FloatArray, Result, TrajectoryCurve
+
+LengthUnit = Literal["m", "px"]
+
+# Okabe and Ito's palette: told apart with any colour vision; the dashes of each line tell them apart in grey.
+INK = "#1b1f24"
+GREY = "#8a929b"
+BLUE = "#0072B2"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+ORANGE = "#E69F00"
+VERMILION = "#D55E00"
+RULE = "#e3e6ea"
+
+LIGHT_PALETTE = {
+    "@ink": INK,
+    "@text": "#4a525b",
+    "@grey": GREY,
+    "@blue": BLUE,
+    "@orange": VERMILION,
+    "@green": GREEN,
+    "@rule": RULE,
+    "@band": "rgba(0, 114, 178, 0.16)",
+    "@window": "rgba(0, 158, 115, 0.10)",
+    "@paper": "#ffffff",
+}
+"""The page's chart colours by name, on a light page and in print."""
+
+DARK_PALETTE = {
+    "@ink": "#e8eaed",
+    "@text": "#b3bac2",
+    "@grey": "#7d868f",
+    "@blue": SKY,
+    "@orange": ORANGE,
+    "@green": "#3fc79a",
+    "@rule": "#2f353c",
+    "@band": "rgba(86, 180, 233, 0.22)",
+    "@window": "rgba(63, 199, 154, 0.12)",
+    "@paper": "#1c2025",
+}
+"""The same names on a dark page."""
+
+
+def length_unit(result: Result) -> LengthUnit:
+    """Return the unit of a result's curves: pixels where a tag was seen in a video but its size was not known."""
+    pcp = result.tags.pcp
+    in_pixels = pcp is not None and pcp.id is not None and pcp.mm_per_px is None and result.video is not None
+    return "px" if in_pixels else "m"
+
+
+def drawn_length(unit: LengthUnit) -> tuple[float, str]:
+    """Return the factor and the name of the unit in which a length is drawn: metres become millimetres."""
+    return (1000.0, "mm") if unit == "m" else (1.0, "px")
+
+
+def drawn_acceleration(unit: LengthUnit) -> str:
+    """Return the unit in which an acceleration is drawn."""
+    return f"{unit}/s²"
+
+
+def shaped_frequency(result: Result) -> Estimate | None:
+    """Return the frequency that a shaper meets: at the operating amplitude, else for a small swing."""
+    modal = result.modal
+    if modal is None:
+        return None
+    return modal.operating_frequency_hz if modal.operating_frequency_hz is not None else modal.natural_frequency_hz
+
+
+def sideways_axis(curve: TrajectoryCurve) -> tuple[int, str]:
+    """Return index and name of the horizontal axis, x or y, along which a move goes farther."""
+    way = np.ptp(curve.unshaped_m[:, :2], axis=0) if len(curve.unshaped_m) else np.zeros(2)
+    return (1, "y") if way[1] > way[0] else (0, "x")
+
+
+def to_decibel(amplitude: FloatArray) -> FloatArray:
+    """Return amplitudes in dB of the largest, NaN where they are not positive."""
+    largest = np.nanmax(amplitude, initial=0.0)
+    decibel: FloatArray = np.full(amplitude.shape, np.nan)
+    positive = amplitude > 0
+    decibel[positive] = 20 * np.log10(amplitude[positive] / largest)
+    return decibel
+
+
+def shown_range(whole: Sequence[FloatArray], cut: Sequence[FloatArray] = ()) -> tuple[float, float] | None:
+    """Return the range of values that a panel shows, so that a few spikes do not flatten all the rest.
+
+    Parameters
+    ----------
+    whole : sequence of ndarray
+        What is shown to its last sample.
+    cut : sequence of ndarray
+        What may run out of the panel: its outermost percent does not widen the range.
+
+    Returns
+    -------
+    tuple of float or None
+        Low and high, with a margin; None where nothing is finite.
+    """
+    ends = [values[np.isfinite(values)] for values in whole]
+    for values in cut:
+        finite = values[np.isfinite(values)]
+        ends.append(np.percentile(finite, [0.5, 99.5]) if finite.size else finite)
+    seen = np.concatenate([end.ravel() for end in ends])
+    if not seen.size:
+        return None
+    low, high = float(seen.min()), float(seen.max())
+    margin = 0.12 * (high - low) or 1.0
+    return low - margin, high + margin

@@ -1,0 +1,66 @@
+"""Results of single steps, kept under a key of what they depend on."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tagsway import __version__
+from tagsway.store.packing import read_packed, write_packed
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepStore:
+    """A folder of finished steps.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Where they are kept; None keeps nothing.
+    """
+
+    folder: Path | None = None
+
+    def get(self, name: str, kind: type[T], compute: Callable[[], T], *, depends_on: Any) -> T:
+        """Return a step's result, computed only where it is not kept yet.
+
+        Parameters
+        ----------
+        name : str
+            Of the step.
+        kind : type
+            Of its result, a dataclass of `model`.
+        compute : callable
+            Makes the result.
+        depends_on : Any
+            Everything that the result depends on, as plain lists, dicts and numbers.
+
+        Returns
+        -------
+        T
+            The same value whether it was computed now or before.
+        """
+        if self.folder is None:
+            return compute()
+        text = json.dumps([__version__, name, depends_on], sort_keys=True)
+        path = self.folder / f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
+        if path.exists():
+            try:
+                return read_packed(kind, path)
+            except ValueError:
+                path.unlink(missing_ok=True)
+        result = compute()
+        for stale in self.folder.glob(f"{name}-*.npz") if self.folder.exists() else ():
+            stale.unlink(missing_ok=True)
+        write_packed(path, result)
+        return result
+
+
+def file_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file's content, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
