@@ -197,7 +197,7 @@ def test_help_loads_neither_opencv_nor_scipy_nor_matplotlib() -> None:
     )
     loaded = {line.rsplit("|", 1)[-1].strip().split(".")[0] for line in done.stderr.splitlines()}
     assert "typer" in loaded
-    assert not loaded & {"cv2", "scipy", "matplotlib", "pandas", "av", "jinja2", "plotly"}
+    assert not loaded & {"cv2", "scipy", "matplotlib", "pandas", "av", "jinja2"}
     assert "VIDEO_OR_TRACK" in done.stdout or "run" in done.stdout
 
 

@@ -80,5 +80,5 @@ def _with_subcommand(arguments: list[str]) -> list[str]:
 
 
 def _complain(error: object, code: int) -> int:
-    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    typer.echo(f"error: {' '.join(str(error).split())}", err=True)
     return code

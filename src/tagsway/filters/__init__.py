@@ -3,6 +3,17 @@
 A base layer beside `tagsway.dynamics`: plain arrays and tracks in, splines and clean tracks out.
 """
 
+from tagsway.filters.clean import clean_track, find_track_spikes, fit_tag_splines
+from tagsway.filters.medians import median_filter
+from tagsway.filters.spikes import find_spikes
 from tagsway.filters.spline import SmoothingSpline, fit_smoothing_spline
 
-__all__ = ["SmoothingSpline", "fit_smoothing_spline"]
+__all__ = [
+    "SmoothingSpline",
+    "clean_track",
+    "find_spikes",
+    "find_track_spikes",
+    "fit_smoothing_spline",
+    "fit_tag_splines",
+    "median_filter",
+]

@@ -1,7 +1,7 @@
 """Third divided differences of a record: all that a smoothing spline's likelihood needs.
 
-A path with random-walk acceleration, x''' = √q w with white noise w, has no proper density (its position, velocity and
-acceleration at the start are unknown), but its third divided differences d = Cᵀ x do: they are normal, zero on the mean,
+A path with random-walk acceleration, x''' = √q w with white noise w, has no proper density (position, velocity and
+acceleration at the start are unknown), but its third divided differences d = Cᵀ x do: they are normal, of zero mean,
 with covariance q R, and both C and R are banded. So the record's restricted likelihood, its smoothed values and their
 errors all follow from banded matrices four diagonals wide, in O(n), and exactly, at any times.
 """
@@ -75,7 +75,7 @@ class Contrasts:
 
 
 def _gram_bands(time: FloatArray, norm: FloatArray) -> FloatArray:
-    """Return R: the differences' Peano kernels are quadratic B-splines; Gauss' rule integrates their products exactly."""
+    """Return R: the Peano kernels are quadratic B-splines, whose products Gauss' rule integrates exactly."""
     count = len(norm)
     steps = np.arange(1, ORDER + 1)
     knots = np.concatenate([time[0] - steps[::-1], time, time[-1] + steps])

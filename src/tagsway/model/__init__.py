@@ -10,6 +10,7 @@ its name. No type computes anything that a stage should, and none opens a file.
 """
 
 from tagsway.model.arrays import BoolArray, FloatArray, GreyArray, IntArray
+from tagsway.model.camera import Camera
 from tagsway.model.curves import (
     Curves,
     DecayCurve,
@@ -53,6 +54,7 @@ __all__ = [
     "BackbonePoint",
     "BoolArray",
     "Bound",
+    "Camera",
     "CleanTagTrack",
     "CleanTrack",
     "CoordinateFrame",

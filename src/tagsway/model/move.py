@@ -13,7 +13,19 @@ Profile = Literal["pick-and-place", "bang-bang", "trapezoid", "s-curve", "quinti
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What a shaped move must keep; None where nothing is asked."""
+    """What a shaped move must keep; None where nothing is asked.
+
+    Parameters
+    ----------
+    velocity_m_s, acceleration_m_s2, jerk_m_s3 : float or None
+        Most of each, of the vector.
+    box_m : tuple of tuple of float or None
+        Lower and upper corner of the workspace.
+    path_deviation_mm : float or None
+        Most that the shaped path may lie off the unshaped one.
+    vertical_mm : float or None
+        Height that must stay strictly vertical at both ends.
+    """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
 
@@ -29,6 +41,9 @@ class Limits:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise InputError(f"the limit {name} must be positive, not {value:g}")
+        if self.box_m is not None and not all(low <= high for low, high in zip(*self.box_m, strict=True)):
+            corners = [list(corner) for corner in self.box_m]
+            raise InputError(f"the limit box_m needs a lower and an upper corner, not {corners}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

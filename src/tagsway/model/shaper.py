@@ -107,8 +107,11 @@ class Shaper:
             raise InputError(f"a shaper's impulses must start at 0 s and follow one another, not {times}")
         if not abs(total - 1) <= 1e-9:
             raise InputError(f"a shaper's amplitudes must sum to 1, not {total:.12g}")
-        if self.box_s is not None and not self.box_s > 0:
-            raise InputError(f"a shaper's box must have a positive length, not {self.box_s:g} s")
+        if not all(math.isfinite(time) for time in times):
+            raise InputError(f"a shaper's impulses must come at finite times, not {times}")
+        for name, value in {"box_s": self.box_s, "time_scale": self.time_scale}.items():
+            if value is not None and not (value > 0 and math.isfinite(value)):
+                raise InputError(f"a shaper's {name} must be positive, not {value:g}")
 
     @property
     def duration_s(self) -> float:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tagsway.model import (
@@ -28,25 +27,22 @@ from tagsway.model import (
     TrajectoryCurve,
     Window,
 )
+from tagsway.report.panels import frame_panel, make_panels, mark_frequency, name_panel
 from tagsway.report.style import (
     BLUE,
     GREEN,
     GREY,
     INK,
-    RULE,
     VERMILION,
     LengthUnit,
     drawn_acceleration,
     drawn_length,
     length_unit,
     shaped_frequency,
-    shown_range,
     sideways_axis,
     to_decibel,
 )
 from tagsway.report.words import format_estimate
-
-FIGURE_NAMES = ("track", "decay", "spectrum", "pendulum", "residual", "trajectory")
 
 
 def plot_track(
@@ -74,7 +70,7 @@ def plot_track(
     Figure
         That of the axes.
     """
-    figure, (upper, middle, lower) = _panels(axes, (3, 2, 2), height_inch=6.4)
+    figure, (upper, middle, lower) = make_panels(axes, (3, 2, 2), height_inch=6.4)
     scale, name = drawn_length(unit)
     for axis, panel in enumerate((upper, middle)):
         for raw, clean, colour, dash, who in (
@@ -85,7 +81,7 @@ def plot_track(
                 panel.plot(curve.time_s, scale * raw[:, axis], ".", color=GREY, ms=2, label="raw")
                 panel.plot(curve.time_s, scale * clean[:, axis], dash, color=colour, lw=1.2, label=who)
         shown, cut = (curve.tcp_clean, curve.pcp_clean), (curve.tcp, curve.pcp)
-        _frame(panel, [scale * s[:, axis] for s in shown], [scale * c[:, axis] for c in cut])
+        frame_panel(panel, [scale * s[:, axis] for s in shown], [scale * c[:, axis] for c in cut])
     for acceleration, colour, dash, who in (
         (curve.tcp_acceleration, BLUE, "--", "tool (TCP)"),
         (curve.pcp_acceleration, VERMILION, "-", "product (PCP)"),
@@ -95,9 +91,9 @@ def plot_track(
     if window is not None:
         for panel in (upper, middle, lower):
             panel.axvspan(window.start_s, window.end_s, color=GREEN, alpha=0.1, lw=0, label="free vibration")
-    _name(upper, "Track", f"x ({name})", legend=True)
-    _name(middle, None, f"z ({name})")
-    _name(lower, None, f"x acceleration\n({drawn_acceleration(unit)})", x="time (s)")
+    name_panel(upper, "Track", f"x ({name})", legend=True)
+    name_panel(middle, None, f"z ({name})")
+    name_panel(lower, None, f"x acceleration\n({drawn_acceleration(unit)})", x="time (s)")
     return figure
 
 
@@ -118,7 +114,7 @@ def plot_decay(curve: DecayCurve, *, unit: LengthUnit = "m", axes: Sequence[Axes
     Figure
         That of the axes.
     """
-    figure, (upper, lower) = _panels(axes, (3, 1), height_inch=4.8)
+    figure, (upper, lower) = make_panels(axes, (3, 1), height_inch=4.8)
     scale, name = drawn_length(unit)
     upper.plot(curve.time_s, scale * curve.sway, ".", color=GREY, ms=3, label="measured")
     upper.plot(curve.time_s, scale * curve.fit, "-", color=VERMILION, lw=1, label="fit")
@@ -127,10 +123,10 @@ def plot_decay(curve: DecayCurve, *, unit: LengthUnit = "m", axes: Sequence[Axes
     upper.plot(curve.peak_time_s, scale * curve.peak_sway, "o", mfc="none", mec=BLUE, ms=4, mew=1, label="peaks")
     lower.plot(curve.time_s, scale * curve.residual, ".", color=INK, ms=2)
     lower.axhline(0, color=GREY, lw=0.8)
-    _frame(upper, [scale * curve.fit, scale * curve.envelope, -scale * curve.envelope], [scale * curve.sway])
-    _frame(lower, [], [scale * curve.residual])
-    _name(upper, "Free decay", f"sway ({name})", legend=True)
-    _name(lower, None, f"measured − fit\n({name})", x="time (s)")
+    frame_panel(upper, [scale * curve.fit, scale * curve.envelope, -scale * curve.envelope], [scale * curve.sway])
+    frame_panel(lower, [], [scale * curve.residual])
+    name_panel(upper, "Free decay", f"sway ({name})", legend=True)
+    name_panel(lower, None, f"measured − fit\n({name})", x="time (s)")
     return figure
 
 
@@ -153,13 +149,13 @@ def plot_spectrum(
     Figure
         That of the axes.
     """
-    figure, (panel,) = _panels(axes, (1,), height_inch=3.4)
+    figure, (panel,) = make_panels(axes, (1,), height_inch=3.4)
     panel.plot(curve.frequency_hz, to_decibel(curve.amplitude), color=INK, lw=1, label="decay")
     panel.set_ylim(-80, 5)
     if natural_frequency_hz is not None:
-        _mark_frequency(panel, natural_frequency_hz, f"f$_n$ = {format_estimate(natural_frequency_hz, 'Hz')}")
+        mark_frequency(panel, natural_frequency_hz, f"f$_n$ = {format_estimate(natural_frequency_hz, 'Hz')}")
         panel.set_xlim(0, 6 * natural_frequency_hz.value)
-    _name(panel, "Spectrum of the decay", "amplitude (dB, 0 = largest)", x="frequency (Hz)", legend=True)
+    name_panel(panel, "Spectrum of the decay", "amplitude (dB, 0 = largest)", x="frequency (Hz)", legend=True)
     return figure
 
 
@@ -180,19 +176,19 @@ def plot_pendulum(curve: PendulumCurve, *, unit: LengthUnit = "m", axes: Sequenc
     Figure
         That of the axes.
     """
-    figure, panels = _panels(axes, (3, 2, 2), height_inch=6.4)
+    figure, panels = make_panels(axes, (3, 2, 2), height_inch=6.4)
     scale, name = drawn_length(unit)
     for axis, panel in enumerate(panels[:2]):
         panel.plot(curve.time_s, scale * curve.measured[:, axis], ".", color=GREY, ms=3, label="measured")
         panel.plot(curve.time_s, scale * curve.simulated[:, axis], "-", color=VERMILION, lw=1, label="simulated")
-        _frame(panel, [scale * curve.simulated[:, axis]], [scale * curve.measured[:, axis]])
+        frame_panel(panel, [scale * curve.simulated[:, axis]], [scale * curve.measured[:, axis]])
     difference = scale * (curve.measured - curve.simulated)
-    panels[2].plot(curve.time_s, difference[:, 0], "-", color=BLUE, lw=0.8, label="x")
-    panels[2].plot(curve.time_s, difference[:, 1], "--", color=INK, lw=0.8, label="z")
-    _frame(panels[2], [], [difference[:, 0], difference[:, 1]])
-    _name(panels[0], "Pendulum: product relative to tool", f"x ({name})", legend=True)
-    _name(panels[1], None, f"z ({name})")
-    _name(panels[2], None, f"measured −\nsimulated ({name})", x="time (s)", legend=True)
+    panels[2].plot(curve.time_s, difference[:, 0], ".", color=BLUE, ms=2, label="x")
+    panels[2].plot(curve.time_s, difference[:, 1], "x", color=INK, ms=2, mew=0.6, label="z")
+    frame_panel(panels[2], [], [difference[:, 0], difference[:, 1]])
+    name_panel(panels[0], "Pendulum: product relative to tool", f"x ({name})", legend=True)
+    name_panel(panels[1], None, f"z ({name})")
+    name_panel(panels[2], None, f"measured −\nsimulated ({name})", x="time (s)", legend=True)
     return figure
 
 
@@ -221,11 +217,11 @@ def plot_residual(
     Figure
         That of the axes.
     """
-    figure, (panel,) = _panels(axes, (1,), height_inch=3.4)
+    figure, (panel,) = make_panels(axes, (1,), height_inch=3.4)
     panel.plot(curve.frequency_hz, 100 * curve.residual, color=INK, lw=1.4, label="shaper")
     panel.axhline(5, color=GREY, ls=":", lw=1.2, label="5 %")
     if frequency_hz is not None:
-        _mark_frequency(panel, frequency_hz, f"payload: {format_estimate(frequency_hz, 'Hz')}")
+        mark_frequency(panel, frequency_hz, f"payload: {format_estimate(frequency_hz, 'Hz')}")
     if shaper is not None and shaper.residual is not None:
         at_mode = [shaper.modes[0].frequency_hz] if shaper.modes else []
         panel.plot(
@@ -239,7 +235,7 @@ def plot_residual(
         )
     panel.set_ylim(bottom=0)
     title = "What the shaper leaves" if shaper is None else f"What the {shaper.type.upper()} shaper leaves"
-    _name(panel, title, "residual vibration V\n(% of the swing)", x="frequency (Hz)", legend=True)
+    name_panel(panel, title, "residual vibration V\n(% of the swing)", x="frequency (Hz)", legend=True)
     return figure
 
 
@@ -258,7 +254,7 @@ def plot_trajectory(curve: TrajectoryCurve, *, axes: Sequence[Axes] | None = Non
     Figure
         That of the axes.
     """
-    figure, panels = _panels(axes, (2, 2, 2, 2, 3), height_inch=9.0, alone=1)
+    figure, panels = make_panels(axes, (2, 2, 2, 2, 3), height_inch=9.0, alone=1)
     side, side_name = sideways_axis(curve)
     for data, acceleration, colour, dash, label in (
         (curve.unshaped_m, curve.unshaped_m_s2, BLUE, "--", "before shaping"),
@@ -268,16 +264,16 @@ def plot_trajectory(curve: TrajectoryCurve, *, axes: Sequence[Axes] | None = Non
         for panel, values in zip(panels, drawn, strict=False):
             panel.plot(curve.time_s, values, dash, color=colour, lw=1.3, label=label)
         panels[4].plot(drawn[0], drawn[1], dash, color=colour, lw=1.3)
-    _name(panels[0], "Move", f"{side_name} (mm)", legend=True)
-    _name(panels[1], None, "z (mm)")
-    _name(panels[2], None, f"{side_name} acceleration\n(m/s²)")
-    _name(panels[3], None, "z acceleration\n(m/s²)", x="time (s)")
-    _name(panels[4], None, "z (mm)", x=f"{side_name} (mm)")
+    name_panel(panels[0], "Move", f"{side_name} (mm)", legend=True)
+    name_panel(panels[1], None, "z (mm)")
+    name_panel(panels[2], None, f"{side_name} acceleration\n(m/s²)")
+    name_panel(panels[3], None, "z acceleration\n(m/s²)", x="time (s)")
+    name_panel(panels[4], None, "z (mm)", x=f"{side_name} (mm)")
     return figure
 
 
 def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, ...]:
-    """Write a PNG for each curve that there is; a picture of an earlier run that this one does not have is removed.
+    """Write a PNG for each curve that there is.
 
     Parameters
     ----------
@@ -296,29 +292,31 @@ def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, .
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, plot in _plots(result, curves).items():
-        path = folder / f"{name}.png"
-        if plot is None:
-            path.unlink(missing_ok=True)
-            continue
-        _save(plot(), path)
-        written.append(path)
+        written.append(folder / f"{name}.png")
+        _save(plot(), written[-1])
     return tuple(written)
 
 
-def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure] | None]:
+def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
     unit = length_unit(result)
     decay, spectrum, pendulum = curves.decay, curves.spectrum, curves.pendulum
     residual, trajectory = curves.residual, curves.trajectory
     natural = None if result.modal is None else result.modal.natural_frequency_hz
     shaped, shaper = shaped_frequency(result), result.shaper
-    return {
-        "track": lambda: plot_track(curves.track, unit=unit, window=result.window),
-        "decay": None if decay is None else lambda: plot_decay(decay, unit=unit),
-        "spectrum": None if spectrum is None else lambda: plot_spectrum(spectrum, natural_frequency_hz=natural),
-        "pendulum": None if pendulum is None else lambda: plot_pendulum(pendulum, unit=unit),
-        "residual": None if residual is None else lambda: plot_residual(residual, frequency_hz=shaped, shaper=shaper),
-        "trajectory": None if trajectory is None else lambda: plot_trajectory(trajectory),
+    plots: dict[str, Callable[[], Figure]] = {
+        "track": lambda: plot_track(curves.track, unit=unit, window=result.window)
     }
+    if decay is not None:
+        plots["decay"] = lambda: plot_decay(decay, unit=unit)
+    if spectrum is not None:
+        plots["spectrum"] = lambda: plot_spectrum(spectrum, natural_frequency_hz=natural)
+    if pendulum is not None:
+        plots["pendulum"] = lambda: plot_pendulum(pendulum, unit=unit)
+    if residual is not None:
+        plots["residual"] = lambda: plot_residual(residual, frequency_hz=shaped, shaper=shaper)
+    if trajectory is not None:
+        plots["trajectory"] = lambda: plot_trajectory(trajectory)
+    return plots
 
 
 def _save(figure: Figure, path: Path) -> None:
@@ -332,71 +330,3 @@ def _save(figure: Figure, path: Path) -> None:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def _panels(
-    axes: Sequence[Axes] | None, heights: tuple[int, ...], *, height_inch: float, alone: int = 0
-) -> tuple[Figure, Sequence[Axes]]:
-    """Return the axes handed in, or a new figure of panels above one another; all but the last `alone` share x."""
-    if axes is not None:
-        if len(axes) != len(heights):
-            raise ValueError(f"this figure has {len(heights)} panels, but {len(axes)} axes were given")
-        figure = axes[0].get_figure(root=True)
-        if figure is None:
-            raise ValueError("these axes belong to no figure")
-        return figure, axes
-    figure = Figure(figsize=(8, height_inch), layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    panels: list[Axes] = []
-    for row in range(len(heights)):
-        shared = panels[0] if 0 < row < len(heights) - alone else None
-        panels.append(figure.add_subplot(grid[row, 0], sharex=shared))
-    for panel in panels[: len(heights) - alone - 1]:
-        panel.tick_params(labelbottom=False)
-    return figure, panels
-
-
-def _name(panel: Axes, title: str | None, y: str, *, x: str | None = None, legend: bool = False) -> None:
-    panel.set_ylabel(y)
-    if x is not None:
-        panel.set_xlabel(x)
-    if title is not None:
-        panel.set_title(title, loc="left", fontweight="bold", color=INK, pad=24)  # the legend stands below it
-    panel.spines[["top", "right"]].set_visible(False)
-    panel.grid(color=RULE, lw=0.7)
-    panel.set_axisbelow(True)
-    entries = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    if legend and entries:
-        panel.legend(
-            entries.values(),
-            entries.keys(),
-            loc="lower left",
-            bbox_to_anchor=(0, 1),
-            ncols=len(entries),
-            frameon=False,
-            fontsize="small",
-            borderaxespad=0.3,
-            borderpad=0,
-            columnspacing=1.2,
-            handletextpad=0.5,
-        )
-
-
-def _frame(panel: Axes, whole: Sequence[FloatArray], cut: Sequence[FloatArray]) -> None:
-    """Show all of some curves and the bulk of others, and say how many samples lie outside."""
-    shown = shown_range(whole, cut)
-    if shown is None:
-        return
-    panel.set_ylim(*shown)
-    outside = sum(int(np.sum((values < shown[0]) | (values > shown[1]))) for values in cut)
-    if outside:
-        text = f"{outside} sample{'' if outside == 1 else 's'} outside"
-        panel.text(0.995, 1.01, text, transform=panel.transAxes, ha="right", va="bottom", size="small", color="#5c6570")
-
-
-def _mark_frequency(panel: Axes, frequency_hz: Estimate, label: str) -> None:
-    low, high = frequency_hz.ci95
-    if np.isfinite(low) and np.isfinite(high):
-        panel.axvspan(low, high, color=BLUE, alpha=0.2, lw=0, label="its 95 % interval")
-    panel.axvline(frequency_hz.value, color=BLUE, ls="--", lw=1.2, label=label)

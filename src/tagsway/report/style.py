@@ -49,10 +49,11 @@ DARK_PALETTE = {
 
 
 def length_unit(result: Result) -> LengthUnit:
-    """Return the unit of a result's curves: pixels where a tag was seen in a video but its size was not known."""
-    pcp = result.tags.pcp
-    in_pixels = pcp is not None and pcp.id is not None and pcp.mm_per_px is None and result.video is not None
-    return "px" if in_pixels else "m"
+    """Return the unit of a result's curves: pixels where nothing gave them a scale."""
+    pcp, modal = result.tags.pcp, result.modal
+    video_without_scale = result.video is not None and pcp is not None and pcp.mm_per_px is None
+    modal_without_scale = modal is not None and modal.natural_frequency_hz is not None and modal.noise_m is None
+    return "px" if video_without_scale or modal_without_scale else "m"
 
 
 def drawn_length(unit: LengthUnit) -> tuple[float, str]:
@@ -107,7 +108,7 @@ def shown_range(whole: Sequence[FloatArray], cut: Sequence[FloatArray] = ()) -> 
     for values in cut:
         finite = values[np.isfinite(values)]
         ends.append(np.percentile(finite, [0.5, 99.5]) if finite.size else finite)
-    seen = np.concatenate([end.ravel() for end in ends])
+    seen = np.concatenate([np.empty(0), *(end.ravel() for end in ends)])
     if not seen.size:
         return None
     low, high = float(seen.min()), float(seen.max())

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from tagsway.model import Estimate, PendulumEstimate, Result, Shaper
+from tagsway.report.style import length_unit
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_DETERMINED = "not determined"
@@ -31,8 +32,8 @@ def round_estimate(estimate: Estimate, *, scale: float = 1.0) -> Rounded:
     Returns
     -------
     Rounded
-        ``error`` is None where the standard error is zero or infinite. Below 1e-3 and from 1e6 on, value and error share a power
-        of ten. An error under a millionth of the value is written with an exponent of its own.
+        ``error`` is None where the standard error is zero or infinite. Below 1e-3 and from 1e6 on, value and error
+        share a power of ten. An error under a millionth of the value is written with an exponent of its own.
     """
     value, error = estimate.value * scale, estimate.std * abs(scale)
     largest = max(abs(value), error) if math.isfinite(error) else abs(value)
@@ -97,26 +98,37 @@ def format_percent(fraction: float) -> str:
     return f"{percent:.1f} %" if percent < 10 else f"{percent:.0f} %"
 
 
+def format_error(error: float) -> str:
+    """Return a standard error with two significant digits, without an exponent where that is readable."""
+    if not (1e-7 <= error < 1e6):
+        return f"{error:.2g}"
+    return _fixed(error, 1 - math.floor(math.log10(error)))
+
+
 def describe_residual(shaper: Shaper) -> str:
-    """Say how much swing a shaper leaves, and what is not known about it."""
+    """Say how much swing a shaper leaves at the frequency it was designed for."""
+    if shaper.residual is None:
+        return "its residual vibration was not computed"
+    return f"{format_percent(shaper.residual.at_mode)} of the swing is left at the design frequency"
+
+
+def describe_spread(shaper: Shaper) -> str:
+    """Say how much swing a shaper leaves over the spread between picks, or that this is not known."""
     residual = shaper.residual
-    if residual is None:
-        return "residual vibration was not computed"
-    at_mode = f"{format_percent(residual.at_mode)} of the swing is left at the design frequency"
-    if residual.p95 is None:
-        return f"{at_mode}; {UNKNOWN_SPREAD}"
+    if residual is None or residual.p95 is None:
+        return UNKNOWN_SPREAD
     spread = residual.spread
     source = "" if spread is None else f" (spread {spread.natural_frequency_std_percent:.3g} %, {spread.source})"
-    return f"{at_mode}; at most {format_percent(residual.p95)} in 95 of 100 picks{source}"
+    return f"at most {format_percent(residual.p95)} of the swing is left in 95 of 100 picks{source}"
 
 
 def describe_pendulum(pendulum: PendulumEstimate | None) -> str:
-    """Say in one sentence whether length and stiffness are told apart, and if not, why."""
+    """Say whether length and stiffness are told apart, and why, without a full stop."""
     if pendulum is None:
         return "no pendulum was fitted"
-    if pendulum.determined:
-        return "point mass (r = l)" if pendulum.point_mass else pendulum.reason or "length and stiffness told apart"
-    return f"{NOT_DETERMINED}: {pendulum.reason}" if pendulum.reason else NOT_DETERMINED
+    verdict = "length and stiffness are told apart by this record" if pendulum.determined else NOT_DETERMINED
+    reason = pendulum.reason.rstrip(". ")
+    return f"{verdict}: {reason}" if reason else verdict
 
 
 def summary_lines(result: Result) -> list[str]:
@@ -153,11 +165,11 @@ def next_steps(result: Result) -> list[str]:
         steps.append("Shape a move: identify trajectory --shaper shaper.json --move move.toml --out trajectory.csv")
         if result.shaper.residual is not None and result.shaper.residual.p95 is None:
             steps.append(
-                "Film repeats, with a new pick each time: the frequency varies between picks far more than the error of "
-                "one video. Give the spread that you find with --frequency-spread PERCENT."
+                "Film repeats, with a new pick each time: the frequency varies between picks far more than the error "
+                "of one video. Give the spread that you find with --frequency-spread PERCENT."
             )
         steps.append("Run the shaped move slowly, then at full speed, film it, and compare what swing is left.")
-    in_pixels = result.video is not None and result.tags.pcp is not None and result.tags.pcp.mm_per_px is None
+    in_pixels = length_unit(result) == "px"
     if in_pixels:
         steps.append("Measure the side of the tags' black square and give it with --tag-size MM: lengths need a scale.")
     if known and pendulum is not None and not pendulum.determined and not in_pixels:
@@ -177,7 +189,7 @@ def _modal_lines(result: Result) -> list[str]:
     if modal is None or modal.natural_frequency_hz is None:
         return [_line("natural frequency", NOT_DETERMINED)]
     frequency, ratio = modal.natural_frequency_hz, modal.damping_ratio
-    interval = f"  (95 %: {format_interval(frequency, 'Hz')})"
+    interval = f" (95 %: {format_interval(frequency, 'Hz')})"
     lines = [
         _line("natural frequency", format_estimate(frequency, "Hz") + interval),
         _line("damping ratio", format_estimate(ratio) if ratio is not None else NOT_DETERMINED),
@@ -208,7 +220,7 @@ def _pendulum_lines(pendulum: PendulumEstimate | None) -> list[str]:
     if pendulum.damping_n_m_s_per_rad is not None:
         lines.append(_line("damping b", format_estimate(pendulum.damping_n_m_s_per_rad, "N·m·s/rad")))
     elif pendulum.damping_over_inertia_rad_s is not None:
-        lines.append(_line("damping b/J", format_estimate(pendulum.damping_over_inertia_rad_s, "1/s")))
+        lines.append(_line("damping b/J", format_estimate(pendulum.damping_over_inertia_rad_s, "rad/s")))
     if not pendulum.determined:
         lines.append(_line("pendulum", describe_pendulum(pendulum)))
     return lines
@@ -221,7 +233,7 @@ def _shaper_lines(shaper: Shaper | None) -> list[str]:
     impulses = f"{count} impulse{'' if count == 1 else 's'}"
     return [
         _line("shaper", f"{shaper.type.upper()}, {impulses}, adds {1e3 * shaper.duration_s:.1f} ms"),
-        _line("residual", describe_residual(shaper)),
+        _line("residual", f"{describe_residual(shaper)}; {describe_spread(shaper)}"),
     ]
 
 

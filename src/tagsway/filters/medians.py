@@ -1,0 +1,61 @@
+"""Running medians that know about ends and gaps."""
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from tagsway.errors import InputError
+from tagsway.model import FloatArray
+
+
+def median_filter(values: FloatArray, *, width: int) -> FloatArray:
+    """Return the running median of one or more channels.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, ...)
+        NaN where nothing was seen.
+    width : int
+        Samples in the window. An even window of 10 reaches 5 samples back and 4 ahead, the next one 4 and 5, and the
+        mean of both medians is taken, so that nothing is shifted.
+
+    Returns
+    -------
+    ndarray, shape (n, ...)
+        NaN stays NaN, and is left out of its neighbours' medians. At the ends the window shrinks on both sides, so
+        that it stays centred: a slope is not bent, and nothing is padded.
+
+    Notes
+    -----
+    A median passes any monotone signal unchanged and removes every burst shorter than half its window; it flattens the
+    peaks of an oscillation whose period is not many windows long.
+    """
+    if width < 1:
+        raise InputError(f"a median filter needs a window of at least 1 sample, not {width}")
+    if width % 2 == 0:
+        half = width // 2
+        return (_run(values, half, half - 1) + _run(values, half - 1, half)) / 2
+    return _run(values, width // 2, width // 2)
+
+
+def _run(values: FloatArray, back: int, ahead: int) -> FloatArray:
+    """Return medians over `back` samples before and `ahead` after each one."""
+    result = np.full(values.shape, np.nan)
+    count = len(values)
+    if count > back + ahead:
+        windows = sliding_window_view(values, back + ahead + 1, axis=0)
+        result[back : count - ahead] = _nan_median(windows)
+    for i in (*range(min(back, count)), *range(max(count - ahead, back), count)):
+        reach = min(i, count - 1 - i)
+        edge = np.moveaxis(values[i - reach : i + reach + 1], 0, -1)
+        result[i] = _nan_median(edge)
+    result[np.isnan(values)] = np.nan
+    return result
+
+
+def _nan_median(windows: FloatArray) -> FloatArray:
+    """Return the median over the last axis without NaN, NaN where there is nothing else."""
+    ordered = np.sort(windows, axis=-1)
+    count = np.count_nonzero(~np.isnan(ordered), axis=-1)[..., None]
+    low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, ordered.shape[-1] - 1)
+    middle = np.take_along_axis(ordered, low, axis=-1) + np.take_along_axis(ordered, high, axis=-1)
+    return np.asarray(middle[..., 0] / 2)

@@ -1,0 +1,230 @@
+"""How a move ended: settling, overshoot, times and accelerations, alike for measured and simulated tracks."""
+
+import numpy as np
+
+from tagsway.errors import InputError
+from tagsway.filters import find_track_spikes, fit_tag_splines
+from tagsway.model import (
+    GRAVITY_M_S2,
+    BoolArray,
+    CleanTrack,
+    Estimate,
+    FloatArray,
+    Indicators,
+    PeakAcceleration,
+    ResidualAcceleration,
+    Track,
+    Window,
+)
+
+SETTLED = 0.02
+"""Half the width of the band that counts as settled, over the reference."""
+
+LEAST_TRAVEL_M = 5e-3
+"""A tool that went less far did not move."""
+
+MOVING = 0.01
+"""Share of its top speed above which a tool moves."""
+
+REST_S = 0.2
+"""A tool that stands so long has ended its move."""
+
+
+def measure_indicators(
+    track: Track, clean: CleanTrack, window: Window, *, reference_m: float | None = None
+) -> Indicators | None:
+    """Measure the indicators of the move before a free vibration.
+
+    Parameters
+    ----------
+    track : Track
+        Raw: the errors of the accelerations come from it.
+    clean : CleanTrack
+        The same cleaned.
+    window : Window
+        The free vibration; what comes after its end (a release, a contact) does not count.
+    reference_m : float, optional
+        Length that the percentages refer to, such as the place coordinate; by default the travel.
+
+    Returns
+    -------
+    Indicators or None
+        None where the tool was not seen or did not move (a release by hand), or lengths are not known.
+    """
+    if clean.tcp is None or track.length_unit != "m":
+        return None
+    moving = find_move(clean.time_s, clean.tcp.position, clean.tcp.velocity, window)
+    if moving is None:
+        return None
+    used = (clean.time_s >= moving.start_s) & (clean.time_s <= window.end_s)
+    if not np.isfinite(clean.pcp.position[used]).all(axis=1).any():
+        return None
+    horizontal_std, vector_std = _peak_errors(track, clean, used)
+    return indicators_of(
+        clean.time_s[used],
+        clean.tcp.position[used],
+        clean.pcp.position[used],
+        clean.pcp.acceleration[used],
+        end_s=moving.end_s,
+        reference_m=reference_m,
+        horizontal_std=horizontal_std,
+        vector_std=vector_std,
+        bandwidth_hz=clean.pcp.bandwidth_hz,
+    )
+
+
+def indicators_of(
+    time_s: FloatArray,
+    tcp_m: FloatArray,
+    pcp_m: FloatArray,
+    pcp_acceleration_m_s2: FloatArray,
+    *,
+    end_s: float,
+    final_m: FloatArray | None = None,
+    reference_m: float | None = None,
+    horizontal_std: float = 0.0,
+    vector_std: float = 0.0,
+    bandwidth_hz: float,
+) -> Indicators:
+    """Return the indicators of a rest-to-rest move, measured or simulated.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        From the start of the tool's motion to the end of the record.
+    tcp_m, pcp_m : ndarray, shape (n, 2)
+        x and z of tool and product; NaN where not seen.
+    pcp_acceleration_m_s2 : ndarray, shape (n, 2)
+        Of the product.
+    end_s : float
+        When the tool stands again.
+    final_m : ndarray, shape (2,), optional
+        Where the product comes to rest; by default the mean of its positions after the move under a bell-shaped
+        (Hann) weight, which leaves out whole and broken swings alike.
+    reference_m : float, optional
+        Length that the percentages refer to; by default the tool's travel.
+    horizontal_std, vector_std : float
+        Standard errors of the two peak accelerations, in m/s².
+    bandwidth_hz : float
+        Up to which the accelerations were seen; for a simulation half its sampling rate.
+
+    Returns
+    -------
+    Indicators
+        Settling and overshoot are taken along the tool's travel.
+
+    Raises
+    ------
+    InputError
+        Where the tool did not go anywhere: then there is nothing to refer to.
+    """
+    tool = tcp_m[np.isfinite(tcp_m).all(axis=1)]
+    travel = tool[-1] - tool[0] if len(tool) else np.zeros(2)
+    distance = float(np.linalg.norm(travel))
+    reference = distance if reference_m is None else reference_m
+    if not (distance > 0 and reference > 0):
+        raise InputError(f"a move of {1000 * distance:g} mm and a reference of {1000 * reference:g} mm: expected more")
+    final = _resting_place(time_s, pcp_m, end_s) if final_m is None else final_m
+    beyond = (pcp_m - final) @ (travel / distance)
+    duration = end_s - float(time_s[0])
+    settling = _settling_time(time_s, beyond, SETTLED * reference)
+    horizontal, vector = _accelerations(pcp_acceleration_m_s2)
+    after = horizontal[(time_s > end_s) & np.isfinite(horizontal)]
+    return Indicators(
+        reference_m=reference,
+        settling_time_s=settling,
+        overshoot_percent=100 * max(float(np.nanmax(beyond)), 0.0) / reference,
+        trajectory_time_s=duration,
+        motion_time_s=None if settling is None else max(duration, settling),
+        max_pcp_acceleration_m_s2=PeakAcceleration(
+            horizontal=_peak(horizontal, horizontal_std),
+            vector_with_gravity=_peak(vector, vector_std),
+            bandwidth_hz=bandwidth_hz,
+        ),
+        residual_acceleration_m_s2=None
+        if len(after) < 2
+        else ResidualAcceleration(max=float(after.max()), rms=float(np.sqrt(np.mean(after**2)))),
+    )
+
+
+def find_move(time_s: FloatArray, tcp_m: FloatArray, velocity_m_s: FloatArray, window: Window) -> Window | None:
+    """Find the tool's last motion before a free vibration.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Of the track.
+    tcp_m, velocity_m_s : ndarray, shape (n, 2)
+        Position and velocity of the tool, cleaned; NaN where not known.
+    window : Window
+        The free vibration.
+
+    Returns
+    -------
+    Window or None
+        From the first to the last instant at which the tool is faster than a hundredth of its top speed, or than
+        what it still shows in the free vibration; None where it travels less than 5 mm.
+    """
+    speed = np.linalg.norm(velocity_m_s, axis=1)
+    known = np.isfinite(speed)
+    before, free = known & (time_s <= window.start_s), known & (time_s > window.start_s) & (time_s <= window.end_s)
+    if np.count_nonzero(before) < 2:
+        return None
+    rest = 4 * float(np.median(speed[free])) if free.any() else 0.0
+    index = np.flatnonzero(before & (speed > max(MOVING * float(speed[before].max()), rest)))
+    if len(index) < 2:
+        return None
+    pauses = np.flatnonzero(np.diff(time_s[index]) > REST_S)
+    first = index[pauses[-1] + 1] if len(pauses) else index[0]
+    last = index[-1]
+    if last <= first or not np.linalg.norm(tcp_m[last] - tcp_m[first]) > LEAST_TRAVEL_M:
+        return None
+    start, end = max(first - 1, 0), min(last + 1, len(time_s) - 1)
+    return Window(start_s=float(time_s[start]), end_s=float(time_s[end]))
+
+
+def _resting_place(time_s: FloatArray, pcp_m: FloatArray, end_s: float) -> FloatArray:
+    seen = np.isfinite(pcp_m).all(axis=1)
+    after = seen & (time_s >= end_s)
+    if np.count_nonzero(after) < 3:
+        return np.asarray(pcp_m[seen][-1])
+    time = time_s[after]
+    weight = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0])) ** 2 * np.gradient(time)
+    return np.asarray(weight @ pcp_m[after] / weight.sum())
+
+
+def _settling_time(time_s: FloatArray, beyond: FloatArray, band: float) -> float | None:
+    """Return when the product enters the band for good, interpolated; None where it is still outside at the end."""
+    seen = np.isfinite(beyond)
+    time, away = time_s[seen], np.abs(beyond[seen])
+    outside = np.flatnonzero(away > band)
+    if not len(outside):
+        return 0.0
+    last = int(outside[-1])
+    if last == len(time) - 1:
+        return None
+    share = (away[last] - band) / (away[last] - away[last + 1])
+    return float(time[last] + share * (time[last + 1] - time[last]) - time_s[0])
+
+
+def _accelerations(acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return |x''| and what the gripper must hold, √(x''² + (z'' + g)²)."""
+    return np.abs(acceleration[:, 0]), np.hypot(acceleration[:, 0], acceleration[:, 1] + GRAVITY_M_S2)
+
+
+def _peak(values: FloatArray, std: float) -> Estimate | None:
+    return Estimate.normal(float(np.nanmax(values)), std, low=0.0) if np.isfinite(values).any() else None
+
+
+def _peak_errors(track: Track, clean: CleanTrack, used: BoolArray) -> tuple[float, float]:
+    """Return the standard errors of the two peak accelerations: of the smoothing spline, where they are."""
+    acceleration = np.where(used[:, None], clean.pcp.acceleration, np.nan)
+    horizontal, vector = _accelerations(acceleration)
+    if not np.isfinite(vector).any():
+        return 0.0, 0.0
+    x, z = fit_tag_splines(track.time_s, track.pcp, find_track_spikes(track.time_s, track.pcp))
+    first, second = int(np.nanargmax(horizontal)), int(np.nanargmax(vector))
+    at = clean.time_s[second]
+    share = acceleration[second, 0] / vector[second], (acceleration[second, 1] + GRAVITY_M_S2) / vector[second]
+    error = np.hypot(share[0] * x.std(at, 2), share[1] * z.std(at, 2))
+    return float(x.std(clean.time_s[first], 2)), float(error)

@@ -1,0 +1,195 @@
+"""From a track to the one signal that is fitted: the sway along its path."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagsway.errors import InputError, NotIdentifiableError
+from tagsway.model import FloatArray, Track, Window
+
+MAD_TO_STD = 1.4826
+"""A normal distribution's standard deviation over its median absolute deviation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sway:
+    """PCP minus TCP along the path of the sway, at the samples that exist.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Strictly increasing, not necessarily even.
+    value : ndarray, shape (n,)
+        Way along the path in the track's length unit; its zero is arbitrary.
+    spread : ndarray, shape (n,)
+        Standard error of each sample over that of the median one.
+    curvature : float
+        Of the path, in 1 / length unit; 0 where it is straight within the errors. The value is then the projection on
+        the main axis, else the arc's length.
+    curvature_std : float
+        Its standard error.
+    planar : bool
+        Whether both coordinates were seen, so that a curved path would have shown.
+    axis_rad : float
+        Main axis, from x towards z.
+    """
+
+    time_s: FloatArray
+    value: FloatArray
+    spread: FloatArray
+    curvature: float
+    curvature_std: float
+    planar: bool
+    axis_rad: float
+
+    def chord(self, way: FloatArray) -> FloatArray:
+        """Return the displacement along the main axis at these ways along the path, counted from equilibrium."""
+        if self.curvature == 0:
+            return way
+        return np.asarray(np.sin(self.curvature * way) / self.curvature, dtype=float)
+
+
+def check_window(window: Window, time_s: FloatArray) -> None:
+    """Raise InputError where a window does not lie inside the record.
+
+    Parameters
+    ----------
+    window : Window
+        As the user gave it.
+    time_s : ndarray, shape (n,)
+        Times of the record.
+    """
+    if len(time_s) == 0:
+        raise NotIdentifiableError("nothing swings: the record is empty")
+    first, last = float(time_s[0]), float(time_s[-1])
+    slack = 0.5 * (last - first) / max(len(time_s) - 1, 1) + 1e-9
+    if not (window.start_s >= first - slack and window.end_s <= last + slack):
+        raise InputError(
+            f"the window {window.start_s:g}:{window.end_s:g} s does not lie inside the record, "
+            f"which runs from {first:g} to {last:g} s: choose both ends in it"
+        )
+
+
+def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str | None = None, arc: bool = True) -> Sway:
+    """Return the sway inside a window.
+
+    Parameters
+    ----------
+    track : Track
+        Raw; what was not seen is NaN and is left out, never filled in.
+    window : Window, optional
+        By default the whole record.
+    sway_axis : str, optional
+        "x", "z" or degrees from x towards z; by default the axis of largest scatter.
+
+    arc : bool
+        Whether to look for an arc; without, the value is the projection on the axis.
+
+    Returns
+    -------
+    Sway
+        Possibly of few samples, or none.
+
+    Notes
+    -----
+    The tag runs on an arc. Where both coordinates show one, the signal is the way along the arc: its spectrum has an
+    overtone far below that of the projection r sin q, and its amplitude is not compressed at large angles.
+    """
+    points, std = _relative(track)
+    inside = np.ones(len(track.time_s), dtype=bool)
+    if window is not None:
+        inside = (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
+    points, std, time = points[inside], std[inside], track.time_s[inside]
+    finite = np.isfinite(points)
+    planar = bool(np.count_nonzero(finite[:, 1]) > 0.5 * np.count_nonzero(finite[:, 0]))
+    if not planar:
+        points = np.column_stack([points[:, 0], np.zeros(len(points))])
+        std = np.column_stack([std[:, 0], np.zeros(len(points))])
+    seen = np.all(np.isfinite(points), axis=1) & np.isfinite(time)
+    points, std, time = points[seen], std[seen], time[seen]
+    if len(time) == 0:
+        return Sway(time_s=time, value=time, spread=time, curvature=0, curvature_std=0, planar=planar, axis_rad=0)
+    centre, axis = _main_axis(points) if planar else (np.median(points, axis=0), 0.0)
+    if sway_axis is not None:
+        axis = {"x": 0.0, "z": np.pi / 2}[sway_axis] if sway_axis in ("x", "z") else np.radians(float(sway_axis))
+    direction = np.array([np.cos(axis), np.sin(axis)])
+    along = (points - centre) @ direction
+    across = (points - centre) @ np.array([-direction[1], direction[0]])
+    planar = planar and arc
+    value, curvature, curvature_std = _way_along_arc(along, across) if planar else (along, 0.0, 0.0)
+    return Sway(
+        time_s=time,
+        value=value,
+        spread=_spread(np.hypot(*(std * direction).T)),
+        curvature=curvature,
+        curvature_std=curvature_std,
+        planar=planar,
+        axis_rad=float(axis),
+    )
+
+
+def _relative(track: Track) -> tuple[FloatArray, FloatArray]:
+    points, std = track.pcp.position, track.pcp.position_std
+    if track.tcp is None:
+        return points, std
+    return points - track.tcp.position, np.hypot(std, track.tcp.position_std)
+
+
+def _spread(std: FloatArray) -> FloatArray:
+    usable = np.isfinite(std) & (std > 0)
+    if np.count_nonzero(usable) < 0.5 * len(std):
+        return np.ones(len(std))
+    relative = np.where(usable, std, np.nan) / np.median(std[usable])
+    # A sample cannot outweigh all others, whatever its tracker says of it.
+    return np.clip(np.nan_to_num(relative, nan=1.0), 0.3, 30.0)
+
+
+def _main_axis(points: FloatArray) -> tuple[FloatArray, float]:
+    """Return centre and direction of largest scatter, by Student-t weights so that spikes do not turn it."""
+    centre = np.median(points, axis=0)
+    weight = np.ones(len(points))
+    covariance = np.eye(2)
+    for _ in range(20):
+        away = points - centre
+        covariance = (away * weight[:, None]).T @ away / np.sum(weight)
+        trace = float(np.trace(covariance))
+        if not trace > 0:
+            return centre, 0.0
+        inverse = np.linalg.inv(covariance + 1e-9 * trace * np.eye(2))
+        weight = 5.0 / (3.0 + np.einsum("ij,jk,ik->i", away, inverse, away))
+        centre = weight @ points / np.sum(weight)
+    vector = np.linalg.eigh(covariance)[1][:, -1]
+    angle = float(np.arctan2(vector[1], vector[0]))
+    # An axis has no direction: the one towards +x (or straight up) is taken.
+    return centre, (angle + np.pi / 2) % np.pi - np.pi / 2 if abs(vector[0]) > 1e-6 else np.pi / 2
+
+
+def _way_along_arc(along: FloatArray, across: FloatArray) -> tuple[FloatArray, float, float]:
+    """Return way, curvature and its error from the circle a (s² + v²) + b s + v + d = 0, linear in a, b and d."""
+    size = float(np.max(np.abs(along), initial=0.0))
+    if len(along) < 12 or not size > 0:
+        return along, 0.0, 0.0
+    s, v = along / size, across / size
+    columns = np.column_stack([s**2 + v**2, s, np.ones(len(s))])
+    weight: FloatArray = np.ones(len(s))
+    circle: FloatArray = np.zeros(3)
+    residual: FloatArray = v
+    scale = 0.0
+    for _ in range(8):
+        circle = np.linalg.lstsq(columns * weight[:, None], -v * weight, rcond=None)[0]
+        residual = v + columns @ circle
+        scale = MAD_TO_STD * float(np.median(np.abs(residual)))
+        if not scale > 1e-12:
+            break
+        weight = (1 + (residual / (1.5 * scale)) ** 2) ** -0.25
+    a, b, d = circle
+    discriminant = 1 + b**2 - 4 * a * d
+    inverse = np.linalg.pinv((columns * weight[:, None]).T @ (columns * weight[:, None]))
+    std = 2 * scale * float(np.sqrt(inverse[0, 0])) / size
+    if not discriminant > 0 or not abs(a) / size > 3 * std + 1e-6 / size:
+        return along, 0.0, std
+    curvature = 2 * a / np.sqrt(discriminant)
+    centre_s, centre_v = -b / (2 * a), -1 / (2 * a)
+    side = -np.sign(centre_v)
+    way = np.arctan2(s - centre_s, side * (v - centre_v)) / abs(curvature)
+    return way * size, float(abs(curvature)) / size, std

@@ -1,0 +1,214 @@
+"""From a track to its pendulum."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagsway.errors import InputError, NotIdentifiableError
+from tagsway.model import (
+    GRAVITY_M_S2,
+    Estimate,
+    FloatArray,
+    Implied,
+    ModalEstimate,
+    Notice,
+    PendulumCurve,
+    PendulumEstimate,
+    Track,
+    Window,
+)
+from tagsway.pendulum.arc import fit_circle
+from tagsway.pendulum.fit import Solution, fit_record
+from tagsway.pendulum.model import (
+    Unknown,
+    angular_frequency,
+    damping_over_inertia,
+    length_m,
+    stiffness_over_inertia,
+    tag_radius_m,
+)
+from tagsway.pendulum.record import Record, choose_record
+from tagsway.pendulum.start import find_arc, find_starts
+from tagsway.pendulum.verdict import is_point_mass, judge
+
+LEAST_SWAY_OVER_NOISE = 10.0
+"""A payload that sways less than this many times its tags' noise shows no pendulum."""
+
+LARGEST_RADIUS_STD = 0.1
+"""Relative standard error above which r and the pivot are not given."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PendulumFit:
+    """A pendulum, the curve that shows it, and what goes with it.
+
+    Parameters
+    ----------
+    estimate : PendulumEstimate
+        What the track tells.
+    curve : PendulumCurve or None
+        Measured against simulated sway; None where nothing was fitted.
+    notices : tuple of Notice
+        Codes `pendulum_not_determined`, `no_spring`, `point_mass_equivalent`, `pendulum_record_shortened`.
+    """
+
+    estimate: PendulumEstimate
+    curve: PendulumCurve | None
+    notices: tuple[Notice, ...]
+
+
+def fit_pendulum(
+    track: Track,
+    window: Window,
+    modal: ModalEstimate,
+    *,
+    mass_kg: float | None = None,
+    rng: np.random.Generator,
+) -> PendulumFit:
+    """Fit the pendulum to the sway that the tool's measured motion makes.
+
+    Parameters
+    ----------
+    track : Track
+        The motion of tool and product, in metres.
+    window : Window
+        The free vibration; the move before it is fitted with it.
+    modal : ModalEstimate
+        f_n and ζ of the decay: where the fit starts.
+    mass_kg : float, optional
+        Mass of the payload, for k and b.
+    rng : Generator
+        For the draws of the pivot's path that carry its noise into the errors.
+
+    Returns
+    -------
+    PendulumFit
+        Never without a reason where l and k are not determined.
+
+    Raises
+    ------
+    InputError
+        A mass that is not positive.
+
+    Notes
+    -----
+    q'' + (b/J) q' + d q' |q'| + (k/J) q + [(g + Z'') sin q + X'' cos q] / l = 0, simulated in the momentum form of
+    `tagsway.dynamics` from the TCP's smoothed velocity; unknowns are f_n, l, r, ζ, d, the pivot's offset from the TCP
+    tag, the state at the start, the tag's own zero, and the camera's scale, relative scale, vertical scale and tilt
+    with priors of 0.3 %, 0.5 %, 0.2 % and 0.5°, which enter the errors: 1 % of scale moves k by 4 to 7 % and leaves no
+    trace in the residual.
+
+    k = (k/J) m l² and b = (b/J) m l². They are the spring's and the damper's own where the payload is a point mass
+    (r = l); else they are those of the point mass m at l that moves alike, with the notice `point_mass_equivalent`:
+    then k/J and b/J are what is known, since a body's J = m l_c l holds its centre of mass, which no motion shows.
+
+    Not for a payload of two bodies, for a spring that stiffens, nor across a regrip or a contact.
+    """
+    if mass_kg is not None and not (mass_kg > 0 and np.isfinite(mass_kg)):
+        raise InputError(f"the mass must be positive, not {mass_kg:g} kg: give the payload's mass, or none")
+    try:
+        record, solution = _fit(track, window, modal, rng)
+    except NotIdentifiableError as problem:
+        reason = str(problem)
+        return PendulumFit(
+            estimate=PendulumEstimate.unknown(reason, mass_kg=mass_kg), curve=None, notices=(_not_determined(reason),)
+        )
+    curve = PendulumCurve(
+        time_s=record.time_s, measured=record.sway_m, simulated=np.ascontiguousarray(solution.predicted[:2].T)
+    )
+    estimate, notices = _report(record, solution, mass_kg)
+    return PendulumFit(estimate=estimate, curve=curve, notices=(*record.notices, *notices))
+
+
+def _fit(track: Track, window: Window, modal: ModalEstimate, rng: np.random.Generator) -> tuple[Record, Solution]:
+    if track.tcp is None:
+        raise _undetermined("the tool's tag was never seen: the pivot's motion is not known")
+    if track.length_unit != "m":
+        raise _undetermined("positions are in pixels: give the tags' size for lengths")
+    inside = (track.time_s >= window.start_s) & (track.time_s <= window.end_s)
+    sway, std = (track.pcp.position - track.tcp.position)[inside], track.pcp.position_std[inside]
+    if modal.natural_frequency_hz is not None:
+        omega = 2 * np.pi * modal.natural_frequency_hz.value
+        fallback_radius = GRAVITY_M_S2 / omega**2
+    else:
+        fallback_radius = fit_circle(sway, np.where(std > 0, std, 1e-4)).radius_m
+        omega = float(np.sqrt(GRAVITY_M_S2 / fallback_radius))
+    record = choose_record(track, window, angular_frequency_rad_s=omega, rng=rng)
+    noise = float(np.nanmedian(record.sway_std_m))
+    swept = float(np.ptp(np.nanpercentile(record.sway_m[:, 0], [2, 98])))
+    if not swept > LEAST_SWAY_OVER_NOISE * noise:
+        raise _undetermined(f"the payload sways over {1e3 * swept:.2f} mm only, with {1e3 * noise:.2f} mm of noise")
+    arc = find_arc(record, fallback_radius)
+    try:
+        return record, fit_record(record, arc, find_starts(record, arc, modal))
+    except (ValueError, np.linalg.LinAlgError) as problem:
+        raise _undetermined("no pendulum follows this motion: check the window and the tags' sizes") from problem
+
+
+def _report(record: Record, solution: Solution, mass_kg: float | None) -> tuple[PendulumEstimate, tuple[Notice, ...]]:
+    verdict = judge(record, solution)
+    told = verdict.kind != "refuse"
+    length = solution.estimate(length_m, low=0.0) if told else None
+    over_inertia = solution.estimate(stiffness_over_inertia) if told else None
+    damping = solution.estimate(damping_over_inertia, low=0.0)
+    radius = solution.estimate(tag_radius_m, low=0.0)
+    arc_known = radius.std <= LARGEST_RADIUS_STD * radius.value
+    point_mass = is_point_mass(solution) if told else None
+    stiffness: Estimate | None = None
+    damper: Estimate | None = None
+    if told and mass_kg is not None:
+        mass = mass_kg
+        stiffness = solution.estimate(lambda p: stiffness_over_inertia(p) * mass * length_m(p) ** 2)
+        damper = solution.estimate(lambda p: damping_over_inertia(p) * mass * length_m(p) ** 2, low=0.0)
+    notices = []
+    if verdict.kind != "claim":
+        notices.append(_not_determined(verdict.reason))
+    elif over_inertia is not None and over_inertia.value < 2 * over_inertia.std:
+        notices.append(
+            Notice(
+                code="no_spring",
+                message=f"k/J = {over_inertia.value:.2f} ± {over_inertia.std:.2f} rad²/s² is zero within its error: "
+                "the payload hangs freely, as far as this shows",
+            )
+        )
+    if point_mass is False and stiffness is not None:
+        notices.append(
+            Notice(
+                code="point_mass_equivalent",
+                message="the payload is no point mass at its tag (l differs from r): k and b are those of a point mass "
+                "that moves alike; k/J and b/J are what is known",
+            )
+        )
+    estimate = PendulumEstimate(
+        length_m=length,
+        tag_radius_m=radius if arc_known else None,
+        pivot_offset_m=solution.estimate(_pivot_height) if arc_known else None,
+        mass_kg=mass_kg,
+        point_mass=point_mass,
+        stiffness_n_m_per_rad=stiffness,
+        damping_n_m_s_per_rad=damper,
+        stiffness_over_inertia_rad2_s2=over_inertia,
+        damping_over_inertia_rad_s=damping,
+        quadratic_drag_per_rad=solution.estimate(lambda p: p[Unknown.DRAG]),
+        determined=verdict.kind == "claim",
+        reason=verdict.reason,
+        implied=Implied(
+            natural_frequency_hz=float(angular_frequency(solution.parameters)) / (2 * np.pi),
+            damping_ratio=float(solution.parameters[Unknown.DAMPING_RATIO]),
+        ),
+        rms_residual_m=solution.rms_m,
+        max_residual_m=solution.max_m,
+    )
+    return estimate, tuple(notices)
+
+
+def _pivot_height(parameters: FloatArray) -> FloatArray:
+    return np.asarray(parameters[Unknown.OFFSET_Z])
+
+
+def _not_determined(reason: str) -> Notice:
+    return Notice(code="pendulum_not_determined", message=reason)
+
+
+def _undetermined(message: str) -> NotIdentifiableError:
+    return NotIdentifiableError(message, code="pendulum_not_determined")

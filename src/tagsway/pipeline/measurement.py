@@ -1,0 +1,249 @@
+"""From a track to all that it tells."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tagsway import __version__
+from tagsway.diagnose import diagnose
+from tagsway.errors import InputError, NotIdentifiableError
+from tagsway.filters import clean_track
+from tagsway.indicators import measure_indicators
+from tagsway.modal import ModalFit, find_window, identify_modes
+from tagsway.model import (
+    CleanTrack,
+    Creator,
+    Curves,
+    DesignMode,
+    FloatArray,
+    ModalEstimate,
+    Move,
+    Notice,
+    ResidualCurve,
+    Result,
+    Settings,
+    Shaper,
+    Source,
+    Spread,
+    Track,
+    TrackCurve,
+    TrajectoryCurve,
+    Window,
+)
+from tagsway.pendulum import PendulumFit, fit_pendulum
+from tagsway.pipeline.recording import DECODER_THREADS, Progress, Recording, read_recording
+from tagsway.pipeline.shaping import PlannedMove, plan_shaped_move
+from tagsway.shapers import SHAPER_TYPES, design_shaper, residual_curve
+from tagsway.store.documents import to_document
+from tagsway.store.steps import StepStore
+
+HARMLESS = frozenset({"single_measurement", "no_tag_size", "pendulum_not_determined", "no_mass", "no_move"})
+"""Codes of warnings that say what a measurement cannot tell, not that something was wrong with it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """Everything that one file told.
+
+    Parameters
+    ----------
+    result : Result
+        What result.json holds.
+    track : Track
+        Of the tags, raw.
+    clean : CleanTrack
+        The same without spikes.
+    curves : Curves
+        What the figures draw.
+    planned : PlannedMove or None
+        The shaped move, where one was asked for.
+    not_determined : str or None
+        Why the data do not determine what was asked; None where they do.
+    """
+
+    result: Result
+    track: Track
+    clean: CleanTrack
+    curves: Curves
+    planned: PlannedMove | None
+    not_determined: str | None
+
+
+def identify(
+    file: Path,
+    settings: Settings,
+    *,
+    move: Move | None = None,
+    steps: StepStore | None = None,
+    progress: Progress | None = None,
+    decoder_threads: int = DECODER_THREADS,
+) -> Measurement:
+    """Identify a payload from a video or a track, and design what leaves it at rest.
+
+    Parameters
+    ----------
+    file : Path
+        A video, or a table with a time and positions.
+    settings : Settings
+        What the user said about it.
+    move : Move, optional
+        The move to be shaped.
+    steps : StepStore, optional
+        Where finished steps are kept; by default nowhere.
+    progress : callable, optional
+        Called with (frames done, frames in all) while a video is read.
+    decoder_threads : int
+        Of the decoder, beside the thread that tracks.
+
+    Returns
+    -------
+    Measurement
+        With a status of "not_determined" where the data are sound and do not tell; it then says why.
+
+    Raises
+    ------
+    InputError
+        Where the file, an option or the move cannot be used.
+    """
+    if settings.shaper not in SHAPER_TYPES:
+        raise InputError(f"--shaper is {settings.shaper!r}: expected one of {', '.join(SHAPER_TYPES)}")
+    steps = steps or StepStore()
+    recording = read_recording(file, settings, steps=steps, progress=progress, decoder_threads=decoder_threads)
+    clean = clean_track(recording.track)
+    try:
+        window, fit = _find_mode(recording.track, clean, settings)
+    except NotIdentifiableError as reason:
+        return _undetermined(file, settings, recording, clean, reason)
+    modal = fit.estimate
+    pendulum = steps.get(
+        "pendulum",
+        PendulumFit,
+        lambda: fit_pendulum(recording.track, window, modal, mass_kg=settings.mass_kg, rng=np.random.default_rng(0)),
+        depends_on=[recording.sha256, to_document(settings), to_document(window)],
+    )
+    indicators = measure_indicators(recording.track, clean, window)
+    shaper = _design(settings, fit, file.name)
+    planned = None if move is None or shaper is None else plan_shaped_move(move, shaper)
+    notices = (
+        *recording.notices,
+        *fit.notices,
+        *pendulum.notices,
+        *diagnose(modal, pendulum.estimate, recording.video),
+        *_shaper_notices(shaper, settings),
+        *(planned.notices if planned else ()),
+    )
+    result = replace(
+        _empty_result(file, settings, recording),
+        status="ok" if all(notice.code in HARMLESS for notice in notices) else "degraded",
+        window_s=(window.start_s, window.end_s),
+        modal=modal,
+        pendulum=pendulum.estimate,
+        indicators=indicators,
+        shaper=shaper,
+        warnings=notices,
+    )
+    curves = Curves(
+        track=_track_curve(recording.track, clean),
+        decay=fit.decay,
+        spectrum=fit.spectrum,
+        pendulum=pendulum.curve,
+        residual=_residual_curve(shaper),
+        trajectory=planned.curve if planned else None,
+    )
+    return Measurement(
+        result=result, track=recording.track, clean=clean, curves=curves, planned=planned, not_determined=None
+    )
+
+
+def _find_mode(track: Track, clean: CleanTrack, settings: Settings) -> tuple[Window, ModalFit]:
+    if not np.isfinite(track.pcp.position).any():
+        raise NotIdentifiableError(
+            "the product's tag was never seen; --pcp-id says which one it is", code="pcp_not_seen"
+        )
+    window = settings.window or find_window(track, clean)
+    return window, identify_modes(track, window, sway_axis=settings.sway_axis)
+
+
+def _design(settings: Settings, fit: ModalFit, source: str) -> Shaper | None:
+    """Design for the operating amplitude: at a large swing the payload is slower than at a small one."""
+    modal = fit.estimate
+    frequency = modal.operating_frequency_hz or modal.natural_frequency_hz
+    if frequency is None:
+        return None
+    mode = DesignMode(
+        frequency_hz=frequency.value,
+        damping_ratio=0.0 if modal.damping_ratio is None else max(modal.damping_ratio.value, 0.0),
+        amplitude_m=None if modal.amplitude_m is None else float(np.mean(fit.decay.envelope)),
+    )
+    spread = None
+    if settings.frequency_spread_percent is not None:
+        percent = settings.frequency_spread_percent
+        spread = Spread(source="--frequency-spread", natural_frequency_std_percent=percent, n=None)
+    return design_shaper(settings.shaper, mode, spread=spread, source=source)
+
+
+def _shaper_notices(shaper: Shaper | None, settings: Settings) -> tuple[Notice, ...]:
+    if shaper is None or settings.frequency_spread_percent is not None:
+        return ()
+    return (
+        Notice(
+            code="single_measurement",
+            message="one video tells its own error, not how the payload varies from pick to pick: film repeats, or "
+            "state --frequency-spread, to know what the shaper leaves on most of them",
+        ),
+    )
+
+
+def _undetermined(
+    file: Path, settings: Settings, recording: Recording, clean: CleanTrack, reason: NotIdentifiableError
+) -> Measurement:
+    result = replace(
+        _empty_result(file, settings, recording),
+        warnings=(*recording.notices, Notice(code=reason.code, message=str(reason))),
+    )
+    return Measurement(
+        result=result,
+        track=recording.track,
+        clean=clean,
+        curves=Curves(track=_track_curve(recording.track, clean)),
+        planned=None,
+        not_determined=f"{file}: {reason}",
+    )
+
+
+def _empty_result(file: Path, settings: Settings, recording: Recording) -> Result:
+    return Result(
+        status="not_determined",
+        created_by=Creator(name="tagsway", version=__version__),
+        source=Source(file=file.name, sha256=recording.sha256, settings=settings),
+        video=recording.video,
+        frame=recording.frame,
+        tags=recording.tags,
+        window_s=None,
+        modal=None,
+        pendulum=None,
+        indicators=None,
+        shaper=None,
+        warnings=(),
+    )
+
+
+def _track_curve(track: Track, clean: CleanTrack) -> TrackCurve:
+    unseen: FloatArray = np.full_like(track.pcp.position, np.nan)
+    return TrackCurve(
+        time_s=track.time_s,
+        pcp=track.pcp.position,
+        pcp_clean=clean.pcp.position,
+        pcp_acceleration=clean.pcp.acceleration,
+        tcp=unseen if track.tcp is None else track.tcp.position,
+        tcp_clean=unseen if clean.tcp is None else clean.tcp.position,
+        tcp_acceleration=unseen if clean.tcp is None else clean.tcp.acceleration,
+    )
+
+
+def _residual_curve(shaper: Shaper | None) -> ResidualCurve | None:
+    if shaper is None:
+        return None
+    mode = shaper.modes[0]
+    return residual_curve(shaper, mode.frequency_hz * np.linspace(0.5, 1.5, 401), mode.damping_ratio)

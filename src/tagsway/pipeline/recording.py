@@ -1,0 +1,238 @@
+"""From a file to a track: a video's tags, or a table that somebody wrote."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from tagsway.camera import undistort_sightings
+from tagsway.errors import InputError
+from tagsway.model import (
+    CoordinateFrame,
+    Frame,
+    GreyArray,
+    Notice,
+    Settings,
+    Sightings,
+    TagsSummary,
+    TagSummary,
+    TagTrack,
+    Track,
+    VideoInfo,
+)
+from tagsway.store.cameras import read_camera
+from tagsway.store.steps import StepStore, file_sha256
+from tagsway.store.tracks import quantise, read_track
+from tagsway.tags.families import tag_family
+from tagsway.tags.follow import follow_tags
+from tagsway.tags.others import find_other_tags
+from tagsway.tracks import join_tags
+from tagsway.video.reading import read_clock, read_frames
+
+Progress = Callable[[int, int], None]
+"""Called with how many frames are done, and how many there are."""
+
+TABLES = frozenset({".csv", ".tsv", ".txt"})
+"""Endings of a track; anything else is taken for a video."""
+
+DECODER_THREADS = 2
+REPORT_EVERY = 20
+LOOK_FRAMES = 300
+"""How far into a video other tags are looked for when the wanted ones are not there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """A track, and where it came from.
+
+    Parameters
+    ----------
+    sha256 : str
+        Of the file's content.
+    track : Track
+        Of the tags; the PCP's is all NaN where it was never seen.
+    frame : CoordinateFrame
+        What the track's axes mean.
+    tags : TagsSummary
+        How well each tag was seen.
+    video : VideoInfo or None
+        None for a table.
+    notices : tuple of Notice
+        What to know about it.
+    """
+
+    sha256: str
+    track: Track
+    frame: CoordinateFrame
+    tags: TagsSummary
+    video: VideoInfo | None
+    notices: tuple[Notice, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Film:
+    """What is kept of a video once it was tracked."""
+
+    sightings: Sightings
+    notices: tuple[Notice, ...]
+
+
+def read_recording(
+    file: Path,
+    settings: Settings,
+    *,
+    steps: StepStore,
+    progress: Progress | None = None,
+    decoder_threads: int = DECODER_THREADS,
+) -> Recording:
+    """Read a video or a table.
+
+    Parameters
+    ----------
+    file : Path
+        A video, or a table (`.csv`, `.tsv`, `.txt`).
+    settings : Settings
+        What the user said about it.
+    steps : StepStore
+        Where the sightings of a video are kept.
+    progress : callable, optional
+        Called now and then while a video is read.
+    decoder_threads : int
+        Of the decoder.
+
+    Returns
+    -------
+    Recording
+        Its track.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be used, or shows none of the wanted tags.
+    """
+    check_file(file)
+    if file.suffix.lower() in TABLES:
+        return _read_table(file, settings)
+    camera = None if settings.camera is None else read_camera(Path(settings.camera))
+    digest = file_sha256(file)
+    film = steps.get(
+        "film",
+        Film,
+        lambda: track_video(file, settings, progress=progress, decoder_threads=decoder_threads),
+        depends_on=[digest, settings.family, settings.fps_hz, settings.tcp_id, settings.pcp_id, settings.reference_id],
+    )
+    if not film.sightings.tags:
+        raise InputError(_what_was_seen(file, settings))
+    sightings = film.sightings if camera is None else undistort_sightings(film.sightings, camera)
+    track, frame, notices = join_tags(sightings, settings, camera)
+    return Recording(
+        sha256=digest,
+        track=quantise(track),
+        frame=frame,
+        tags=_summarise_tags(film.sightings, track, settings),
+        video=film.sightings.video,
+        notices=(*film.notices, *notices),
+    )
+
+
+def track_video(
+    file: Path, settings: Settings, *, progress: Progress | None = None, decoder_threads: int = DECODER_THREADS
+) -> Film:
+    """Track the wanted tags through a whole video, decoding beside the tracking.
+
+    Parameters
+    ----------
+    file : Path
+        The video.
+    settings : Settings
+        Family and ids of the tags, and the capture rate.
+    progress : callable, optional
+        Called now and then with (frames done, frames in all).
+    decoder_threads : int
+        Of the decoder, beside the one that tracks.
+
+    Returns
+    -------
+    Film
+        Without any tag where none of the wanted ones was seen.
+    """
+    tag_family(settings.family)
+    clock = read_clock(file, fps_hz=settings.fps_hz)
+    wanted = [settings.tcp_id, settings.pcp_id, *([] if settings.reference_id is None else [settings.reference_id])]
+    with read_frames(file, clock, decoder_threads=decoder_threads, full_range=False) as reader:
+        frames = _reporting(reader, len(clock.stamps), progress)
+        followed = follow_tags(frames, family=settings.family, tag_ids=wanted)
+    sightings = Sightings(
+        video=reader.info, time_s=followed.time_s, tags=followed.tags, detector_calls=followed.detector_calls
+    )
+    return Film(sightings=sightings, notices=(*reader.notices, *followed.notices))
+
+
+def _reporting(frames: Iterable[Frame], total: int, progress: Progress | None) -> Iterator[Frame]:
+    for done, frame in enumerate(frames, start=1):
+        yield frame
+        if progress is not None and (done % REPORT_EVERY == 0 or done == total):
+            progress(done, total)
+
+
+def check_file(file: Path) -> None:
+    """Raise an InputError where a file is missing, a folder, or empty."""
+    if not file.exists():
+        raise InputError(f"{file}: no such file; give a video or a track as CSV")
+    if file.is_dir():
+        raise InputError(f"{file} is a folder; give one video, or a track as CSV")
+    if file.stat().st_size == 0:
+        raise InputError(f"{file} is empty; give a video or a track as CSV")
+
+
+def _read_table(file: Path, settings: Settings) -> Recording:
+    track = read_track(file, columns=settings.columns)
+    return Recording(
+        sha256=file_sha256(file),
+        track=track,
+        frame=CoordinateFrame(origin="as in the file", axes="x right, z up, y away from the camera", up_source="file"),
+        tags=_summarise_columns(track),
+        video=None,
+        notices=(),
+    )
+
+
+def _what_was_seen(file: Path, settings: Settings) -> str:
+    wanted = f"{settings.family} {settings.tcp_id} (TCP) and {settings.pcp_id} (PCP)"
+    others = find_other_tags(_look(file))
+    if not others:
+        return f"{file} shows no tag of any known family; expected {wanted}"
+    seen = ", ".join(f"{family} {tag_id}" for family, tag_id in others)
+    return f"{file} does not show {wanted}; it shows {seen}: say --family, --tcp-id and --pcp-id"
+
+
+def _summarise_tags(sightings: Sightings, track: Track, settings: Settings) -> TagsSummary:
+    def summary(tag_id: int | None, tag: TagTrack | None) -> TagSummary | None:
+        seen = None if tag_id is None else sightings.tag(tag_id)
+        if tag_id is None or (seen is None and tag is None):
+            return None
+        share = 0.0 if seen is None else float(np.mean(seen.seen))
+        return TagSummary(id=tag_id, detected=share, mm_per_px=None if tag is None else tag.scale_mm_per_px)
+
+    return TagsSummary(
+        tcp=summary(settings.tcp_id, track.tcp),
+        pcp=summary(settings.pcp_id, track.pcp),
+        reference=summary(settings.reference_id, track.reference),
+    )
+
+
+def _summarise_columns(track: Track) -> TagsSummary:
+    def summary(tag: TagTrack | None) -> TagSummary | None:
+        if tag is None:
+            return None
+        return TagSummary(id=None, detected=float(np.mean(np.isfinite(tag.position[:, 0]))), mm_per_px=None)
+
+    return TagsSummary(tcp=summary(track.tcp), pcp=summary(track.pcp), reference=summary(track.reference))
+
+
+def _look(file: Path) -> list[GreyArray]:
+    """Return a handful of images from the beginning of a video."""
+    with read_frames(file, read_clock(file)) as frames:
+        return [frame.grey.copy() for frame in islice(frames, 0, LOOK_FRAMES, LOOK_FRAMES // 5)]

@@ -1,0 +1,95 @@
+"""From a move and a shaper to what the controller runs."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tagsway.model import Move, Notice, SampledTrajectory, Shaper, TrajectoryCurve
+from tagsway.store.controller import controller_csv, describe_trajectory
+from tagsway.trajectories import MotionReport, apply_shaper, check_limits, plan_move, sample_trajectory, slow_down
+
+CURVE_SAMPLES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedMove:
+    """A shaped move, sampled and checked.
+
+    Parameters
+    ----------
+    sampled : SampledTrajectory
+        On the controller's grid.
+    report : MotionReport
+        What it asks of the robot, and which limits it keeps.
+    curve : TrajectoryCurve
+        Before and after shaping.
+    speed : float
+        Share of the planned speed; below 1 it is a dry run.
+    """
+
+    sampled: SampledTrajectory
+    report: MotionReport
+    curve: TrajectoryCurve
+    speed: float
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """A warning for each limit that is broken, and where vertical height is lost."""
+        lost_mm = 1e3 * max(self.report.lost_vertical_m)
+        if not lost_mm > 0 or any(check.name == "vertical_mm" for check in self.report.checks):
+            return self.report.notices
+        lost = Notice(
+            code="vertical_lost",
+            message=f"shaping both axes takes {lost_mm:.1f} mm of the strictly vertical height: raise pick_height_m "
+            "and place_height_m, or shape x alone",
+        )
+        return (*self.report.notices, lost)
+
+    def files(self, *, form: str = "beckhoff") -> tuple[str, dict[str, Any]]:
+        """Return the text of trajectory.csv and what trajectory.json says of it."""
+        text = controller_csv(self.sampled, format=form)
+        return text, describe_trajectory(self.sampled, self.report, text, format=form, speed=self.speed)
+
+
+def plan_shaped_move(move: Move, shaper: Shaper | None, *, speed: float = 1.0) -> PlannedMove:
+    """Plan a move, shape it, check its limits and sample it.
+
+    Parameters
+    ----------
+    move : Move
+        The move, its limits and the axes to shape.
+    shaper : Shaper or None
+        None leaves the move unshaped.
+    speed : float
+        In (0, 1]: the same path, slower; the limits are checked for the slow motion.
+
+    Returns
+    -------
+    PlannedMove
+        Broken limits are warnings in it, not errors.
+
+    Raises
+    ------
+    InputError
+        For a move that cannot be planned, shaped or sampled.
+    """
+    unshaped = plan_move(move)
+    shaped = unshaped if shaper is None else apply_shaper(unshaped, shaper, move.shaped_axes)
+    run_time_s = move.run_time_s
+    if speed != 1.0:
+        unshaped, shaped = slow_down(unshaped, speed), slow_down(shaped, speed)
+        run_time_s = None if run_time_s is None else run_time_s / speed
+    time = np.linspace(0, shaped.duration_s, CURVE_SAMPLES)
+    return PlannedMove(
+        sampled=sample_trajectory(shaped, move.sample_time_ms / 1e3, run_time_s=run_time_s),
+        report=check_limits(shaped, unshaped, move),
+        curve=TrajectoryCurve(
+            time_s=time,
+            unshaped_m=unshaped(time),
+            shaped_m=shaped(time),
+            unshaped_m_s2=unshaped(time, 2),
+            shaped_m_s2=shaped(time, 2),
+        ),
+        speed=speed,
+    )

@@ -1,0 +1,89 @@
+"""One self-contained page that says what was found, how sure it is, and shows why."""
+
+import base64
+import functools
+import hashlib
+from importlib import resources
+
+from jinja2 import Environment, StrictUndefined, Template
+
+from tagsway.model import Curves, Result
+from tagsway.report.charts import make_charts, share_abscissae
+from tagsway.report.style import DARK_PALETTE, LIGHT_PALETTE
+from tagsway.report.tables import (
+    answers,
+    estimator_rows,
+    indicator_rows,
+    measurement_rows,
+    mode_rows,
+    pendulum_rows,
+    shaper_rows,
+)
+from tagsway.report.words import describe_pendulum, describe_spread, next_steps
+
+BANNERS = {
+    "ok": "",
+    "degraded": "Usable with care: the data are sound, but something limits what they tell. Read the notes below.",
+    "not_determined": "Not determined: this record does not tell the natural frequency. The notes below say why.",
+}
+
+
+def render_page(result: Result, curves: Curves, *, title: str) -> str:
+    """Return the report as one HTML page.
+
+    Parameters
+    ----------
+    result : Result
+        What is said.
+    curves : Curves
+        What is drawn, interactively.
+    title : str
+        The page's heading: the name of what was filmed.
+
+    Returns
+    -------
+    str
+        Self-contained: script, style and data are inside, and its content policy forbids the browser to load anything.
+        The same input gives the same page. All text is escaped, also file names.
+    """
+    charts, abscissae = share_abscissae(make_charts(result, curves))
+    scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
+    html = _template().render(
+        title=title,
+        result=result,
+        banner=BANNERS[result.status],
+        answers=answers(result),
+        known=any(answer.number is not None for answer in answers(result)),
+        shaper_rows=shaper_rows(result.shaper) if result.shaper is not None else [],
+        spread_words=describe_spread(result.shaper) if result.shaper is not None else "",
+        pendulum_rows=pendulum_rows(result.pendulum) if result.pendulum is not None else [],
+        pendulum_words=describe_pendulum(result.pendulum),
+        estimator_rows=estimator_rows(result),
+        mode_rows=mode_rows(result),
+        indicator_rows=indicator_rows(result.indicators) if result.indicators is not None else [],
+        measurement_rows=measurement_rows(result),
+        steps=next_steps(result),
+        charts=charts,
+        page_data={"charts": charts, "abscissae": abscissae, "light": LIGHT_PALETTE, "dark": DARK_PALETTE},
+        style=_asset("page.css"),
+        scripts=scripts,
+        script_hashes=[_hash(script) for script in scripts],
+    )
+    # a file name may hold bytes that are no text; the page must still be one that can be written
+    return html.encode("utf-8", "replace").decode("utf-8")
+
+
+@functools.cache
+def _asset(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text("utf-8")
+
+
+@functools.cache
+def _template() -> Template:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_asset("page.html"))
+
+
+def _hash(script: str) -> str:
+    """Return the name by which the page's content policy allows exactly this script."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")

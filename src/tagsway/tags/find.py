@@ -1,0 +1,169 @@
+"""Find tags in an image with nothing known: the AprilTag detector behind a small interface."""
+
+import ctypes
+import importlib
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from tagsway.errors import InputError
+from tagsway.model import Detection, FloatArray, GreyArray
+from tagsway.tags.families import FAMILIES
+
+MOST_HAMMING = 1  # two corrected bits are within reach of background
+LEAST_MARGIN = 20.0  # of the detector's decision margin; true tags have 40 and more, clutter below 15
+SMALLEST_SIDE_PX = 8.0
+MOST_SIDE_RATIO = 3.0  # of the longest to the shortest side: a tag seen at 70°, or no tag
+_SMALLEST_IMAGE_PX = 16  # below, the library has crashed
+
+
+class TagFinder:
+    """Finds the tags of one family.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+
+    Notes
+    -----
+    The library crashes at exit with more than one thread beside a video decoder, finds nothing with two families in
+    one detector, and must not be called from two threads: so one thread, one family. Making a finder takes 20 ms;
+    `find_tags` keeps one for each family of the process.
+    """
+
+    def __init__(self, family: str) -> None:
+        if family not in FAMILIES:
+            raise InputError(f"there is no tag family {family!r}: expected one of {', '.join(FAMILIES)}")
+        detector_class, self._view = _load_detector()
+        self._detector = detector_class(families=family, nthreads=1, quad_decimate=1.0)
+
+    def find(self, grey: GreyArray, *, decimate: float = 1.0) -> tuple[Detection, ...]:
+        """Return the tags in an image that pass the gates, surest first.
+
+        Parameters
+        ----------
+        grey : ndarray of uint8, shape (height, width)
+            The image, or a part of it.
+        decimate : float
+            Pixels are thinned by this factor for the search; 2 is four times as fast, and blind to tags under 20 px.
+
+        Returns
+        -------
+        tuple of Detection
+            Corners in the pixels of the image that was given, (0, 0) being the centre of its first pixel.
+        """
+        if min(grey.shape) < _SMALLEST_IMAGE_PX:
+            return ()
+        self._view(self._detector).quad_decimate = decimate
+        found = [_read_detection(seen) for seen in self._detector.detect(np.ascontiguousarray(grey))]
+        return tuple(sorted(filter(_is_sound, found), key=lambda tag: -tag.margin))
+
+
+def find_tags(grey: GreyArray, *, family: str, decimate: float = 1.0) -> tuple[Detection, ...]:
+    """Return the tags of a family in an image, surest first.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+        The image.
+    family : str
+        One of `FAMILIES`.
+    decimate : float
+        As in `TagFinder.find`.
+
+    Returns
+    -------
+    tuple of Detection
+        Good to 0.03-0.05 px; `Aligner` measures them. Not for use in two threads at once.
+    """
+    return _finder(family).find(grey, decimate=decimate)
+
+
+def find_tags_near(
+    grey: GreyArray, corners_px: FloatArray, *, family: str, sides: float = 1.0
+) -> tuple[Detection, ...]:
+    """Return the tags in the part of an image around a place.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+        The whole image.
+    corners_px : ndarray, shape (n, 2)
+        What the part must hold.
+    family : str
+        One of `FAMILIES`.
+    sides : float
+        How far the part goes beyond, in sides of the corners' box.
+
+    Returns
+    -------
+    tuple of Detection
+        Corners in the pixels of the whole image, surest first.
+    """
+    if not np.all(np.isfinite(corners_px)):
+        return ()
+    low, high = corners_px.min(axis=0), corners_px.max(axis=0)
+    reach = sides * float((high - low).max()) + 4
+    height, width = grey.shape
+    left, right = (int(np.clip(edge, 0, width)) for edge in (low[0] - reach, high[0] + reach + 1))
+    top, bottom = (int(np.clip(edge, 0, height)) for edge in (low[1] - reach, high[1] + reach + 1))
+    found = find_tags(grey[top:bottom, left:right], family=family)
+    return tuple(
+        Detection(
+            tag_id=tag.tag_id,
+            corners_px=tag.corners_px + np.array([left, top]),
+            margin=tag.margin,
+            hamming=tag.hamming,
+        )
+        for tag in found
+    )
+
+
+@cache
+def _finder(family: str) -> TagFinder:
+    return TagFinder(family)
+
+
+@cache
+def _load_detector() -> tuple[Any, Any]:
+    """Return the detector's class, and a function that shows its C struct: pupil's, else the maintained fork's."""
+    for name in ("pupil_apriltags", "pyapriltags"):
+        try:
+            module = importlib.import_module(name)
+        except (ImportError, OSError):
+            continue
+        return module.Detector, _view_struct
+    raise InputError("no AprilTag detector can be loaded: install the package pyapriltags again")
+
+
+def _view_struct(detector: Any) -> Any:
+    """Return the detector's C struct, whose decimation may be set between two images."""
+    pointer = detector.tag_detector_ptr
+    if not isinstance(pointer, ctypes._Pointer):
+        raise InputError("the AprilTag detector is of an unknown version: install the package pyapriltags again")
+    return pointer.contents
+
+
+def _read_detection(seen: Any) -> Detection:
+    # The library puts (0, 0) at the corner of the first pixel; its corners go round as ours do.
+    corners = np.asarray(seen.corners, dtype=float) - 0.5
+    return Detection(
+        tag_id=int(seen.tag_id), corners_px=corners, margin=float(seen.decision_margin), hamming=int(seen.hamming)
+    )
+
+
+def _is_sound(tag: Detection) -> bool:
+    """Tell whether a detection can be a tag: sure enough, convex, not from behind, not a sliver."""
+    edges = np.roll(tag.corners_px, -1, axis=0) - tag.corners_px
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    return bool(
+        tag.hamming <= MOST_HAMMING
+        and tag.margin >= LEAST_MARGIN
+        and np.all(turns < 0)  # counter-clockwise on the screen, where y is down
+        and lengths.min() >= SMALLEST_SIDE_PX
+        and lengths.max() <= MOST_SIDE_RATIO * lengths.min()
+    )
