@@ -7,7 +7,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 .PHONY: demo test check bench samples clean
 
 demo: $(VENV)/installed  ## set up, then identify the sample: the main job
-	$(BIN)/identify sample_data/flexible.mp4 --tcp-tag-size 40 --pcp-tag-size 40 --mass 225 --move sample_data/move.toml
+	$(BIN)/identify sample_data/flexible.mp4 --tag-size 30 --mass 225 --move sample_data/move.toml
 
 test: $(VENV)/installed-for-tests  ## set up, then everything that CI checks
 	$(MAKE) check

@@ -4,7 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 from tagsway.model import Move
-from tagsway.scene.model import Payload, Picture, Scene, SceneCamera, SecondBody, Tag, Tags, Tool, VideoFormat
+from tagsway.scene.model import Payload, Scene, SecondBody, Tag, Tags, Tool
+from tagsway.scene.optics import Picture, SceneCamera, VideoFormat
 
 
 def small_scene(**changes: Any) -> Scene:

@@ -114,7 +114,9 @@ def test_slow_motion_in_the_metadata_scales_the_times_and_says_so() -> None:
     assert clock.time_source == "metadata"
     assert clock.fps_hz == pytest.approx(240)
     assert [notice.code for notice in clock.notices] == ["capture_rate_from_metadata"]
-    assert fit_clock(np.arange(9) * 3000, tick_s=1 / 90000, captured_hz=240.0, fps_hz=120.0).fps_hz == pytest.approx(120)
+    assert fit_clock(np.arange(9) * 3000, tick_s=1 / 90000, captured_hz=240.0, fps_hz=120.0).fps_hz == pytest.approx(
+        120
+    )
 
 
 def test_a_nominal_rate_near_the_true_stamps_does_not_replace_them() -> None:

@@ -1,10 +1,12 @@
 """The equation of motion against an independent simulator, and its order."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from pendulum_scenes import BAG, FLEXIBLE, STIFF, pick_and_place, simulate
 from scipy.integrate import solve_ivp
 
+from pendulum_scenes import BAG, FLEXIBLE, STIFF, pick_and_place, simulate
 from tagsway.dynamics import PendulumEnsemble, simulate_sway
 from tagsway.model import GRAVITY_M_S2, FloatArray, Pendulum
 
@@ -53,9 +55,7 @@ def test_a_bang_bang_move_is_exact_to_the_order_where_its_switches_fall_on_nodes
     starts = np.concatenate([[0.0], np.cumsum(move.duration_s)])
     errors = []
     for parts in (40, 80):
-        nodes = np.unique(
-            np.concatenate([np.linspace(a, b, parts + 1) for a, b in zip(starts, starts[1:], strict=False)])
-        )
+        nodes = np.unique(np.concatenate([np.linspace(a, b, parts + 1) for a, b in pairwise(starts)]))
         halves = np.sort(np.concatenate([nodes, (nodes[1:] + nodes[:-1]) / 2]))
         speeds = np.concatenate(
             [np.zeros((1, 2)), np.cumsum(move.duration_s[:, None] * move.acceleration_m_s2, axis=0)]

@@ -7,8 +7,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from scenes import released_scene, small_scene
-from tagsway.scene.model import FixedTag, Occlusion, Picture, SceneCamera, Tag, Tags, Tool, VideoFormat
+from tagsway.scene.model import FixedTag, Occlusion, Tag, Tags, Tool
 from tagsway.scene.motion import simulate_scene
+from tagsway.scene.optics import Picture, SceneCamera, VideoFormat
 from tagsway.scene.render import draw_frame, expose_film, plan_film, pose_of, render_frames
 from tagsway.scene.truth import describe_film
 from tagsway.tags.draw import cover_tag

@@ -188,6 +188,7 @@ def test_a_step_is_computed_once_for_the_same_dependencies(tmp_path) -> None:
         return Residual(at_mode=0.25, p95=math.pi)
 
     first = store.get("r", Residual, compute, depends_on={"a": 1})
+    store.keep()
     second = store.get("r", Residual, compute, depends_on={"a": 1})
     assert first == second
     assert len(calls) == 1
@@ -198,6 +199,8 @@ def test_a_step_is_computed_once_for_the_same_dependencies(tmp_path) -> None:
 def test_a_damaged_step_is_computed_again(tmp_path) -> None:
     store = StepStore(folder=tmp_path)
     store.get("r", Residual, lambda: Residual(at_mode=0.25), depends_on=1)
+    assert not list(tmp_path.iterdir()), "nothing is written before it is to be kept"
+    store.keep()
     (kept,) = tmp_path.glob("*.npz")
     kept.write_bytes(b"PK damaged")
     assert store.get("r", Residual, lambda: Residual(at_mode=0.5), depends_on=1).at_mode == 0.5

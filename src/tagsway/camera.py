@@ -8,6 +8,9 @@ import numpy as np
 from tagsway.errors import InputError
 from tagsway.model import Camera, FloatArray, Sightings, TagSightings
 
+REFINEMENTS = 30
+"""Rounds of a fixed-point iteration, each of which shrinks the error by the lens' own relative distortion."""
+
 
 def undistort(points_px: FloatArray, camera: Camera) -> FloatArray:
     """Return where points would be seen by a camera without distortion and with square pixels of side 1/fx.

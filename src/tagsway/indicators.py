@@ -116,7 +116,7 @@ def indicators_of(
     Raises
     ------
     InputError
-        Where the tool did not go anywhere: then there is nothing to refer to.
+        Where the tool did not go anywhere, or the product was never seen.
     """
     tool = tcp_m[np.isfinite(tcp_m).all(axis=1)]
     travel = tool[-1] - tool[0] if len(tool) else np.zeros(2)
@@ -124,6 +124,8 @@ def indicators_of(
     reference = distance if reference_m is None else reference_m
     if not (distance > 0 and reference > 0):
         raise InputError(f"a move of {1000 * distance:g} mm and a reference of {1000 * reference:g} mm: expected more")
+    if not np.isfinite(pcp_m).all(axis=1).any():
+        raise InputError("the product was never seen during or after the move: there is nothing to measure")
     final = _resting_place(time_s, pcp_m, end_s) if final_m is None else final_m
     beyond = (pcp_m - final) @ (travel / distance)
     duration = end_s - float(time_s[0])

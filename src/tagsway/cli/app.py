@@ -1,8 +1,7 @@
 """The subcommands, and what an error looks like."""
 
-import sys
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,7 +16,6 @@ app = typer.Typer(
     name="identify",
     help="Film a payload that carries two AprilTags, get a motion that leaves it at rest.",
     epilog="Where the first word is no subcommand, it is the file: identify video.mp4 is identify run video.mp4.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -62,9 +60,8 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         return OTHER
     except Exception as error:
-        usage = getattr(error, "format_message", None)  # an unknown option, a missing argument
-        if usage is not None:
-            return _complain(usage(), UNUSABLE)
+        if hasattr(error, "format_message"):  # Typer's own: an unknown option, a missing argument
+            return _complain(_usage(error, arguments), UNUSABLE)
         return _complain(
             f"unexpected {type(error).__name__}: {error}; this is a fault in tagsway, please report it", OTHER
         )
@@ -72,11 +69,19 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _with_subcommand(arguments: list[str]) -> list[str]:
-    """Put `run` before a first word that is no subcommand, and before options of a run."""
+    """Put `run` before a first word that is no subcommand, and before options of a run; no word asks for help."""
     own = ("-h", "--help", "--version")
     if arguments and arguments[0] not in SUBCOMMANDS and arguments[0] not in own:
         return ["run", *arguments]
-    return arguments
+    return arguments or ["--help"]
+
+
+def _usage(error: Any, arguments: Sequence[str]) -> str:
+    """Return what Typer says of an option, with the value that it leaves out."""
+    for name in getattr(getattr(error, "param", None), "opts", ()):
+        if name in arguments[:-1]:
+            return f"{name} is {arguments[arguments.index(name) + 1]!r}: {error.message}"
+    return f"{error.format_message().rstrip('.')}; see identify --help"
 
 
 def _complain(error: object, code: int) -> int:

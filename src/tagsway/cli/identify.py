@@ -75,9 +75,11 @@ def _measure(
 
     check_writable(folder)
     move: Move | None = None if move_file is None else read_move(move_file)
+    steps = StepStore(folder=folder / ".steps")
     with progress_bar(file.name, shown=show_progress) as progress:
-        measurement = identify(file, settings, move=move, steps=StepStore(folder=folder / ".steps"), progress=progress)
+        measurement = identify(file, settings, move=move, steps=steps, progress=progress)
     write_measurement(measurement, folder)
+    steps.keep()
     return measurement
 
 

@@ -63,10 +63,17 @@ def find_track_spikes(time_s: FloatArray, tag: TagTrack) -> BoolArray:
 
 
 def fit_tag_splines(time_s: FloatArray, tag: TagTrack, spikes: BoolArray) -> tuple[SmoothingSpline, SmoothingSpline]:
-    """Fit a smoothing spline to x and one to z, without the spikes; `InputError` where there are too few samples."""
+    """Fit a smoothing spline to x and one to z, without the spikes; `InputError` where there are too few samples.
+
+    Both have the larger of the bandwidths that the two axes ask for: it is one body, and what it does along the quieter
+    axis is as quick.
+    """
     position = np.where(spikes[:, None], np.nan, tag.position)
-    x, z = (fit_smoothing_spline(time_s, position[:, axis], tag.position_std[:, axis]) for axis in (0, 1))
-    return x, z
+    channels = [(position[:, axis], tag.position_std[:, axis]) for axis in (0, 1)]
+    x, z = (fit_smoothing_spline(time_s, *channel) for channel in channels)
+    if x.bandwidth_hz > z.bandwidth_hz:
+        return x, fit_smoothing_spline(time_s, *channels[1], bandwidth_hz=x.bandwidth_hz)
+    return fit_smoothing_spline(time_s, *channels[0], bandwidth_hz=z.bandwidth_hz), z
 
 
 def _clean_tag(time_s: FloatArray, tag: TagTrack, spikes: BoolArray, method: str) -> CleanTagTrack:
@@ -77,7 +84,7 @@ def _clean_tag(time_s: FloatArray, tag: TagTrack, spikes: BoolArray, method: str
         known = _bridged(time_s, used)
         if method == "spline":
             splines = fit_tag_splines(time_s, tag, ~used)
-            bandwidth = min(spline.bandwidth_hz for spline in splines)
+            bandwidth = splines[0].bandwidth_hz
             motion = np.stack([[spline(time_s, order) for spline in splines] for order in range(3)]).swapaxes(1, 2)
         else:
             bandwidth = 1 / (2 * DERIVATIVE_MEDIAN * float(np.median(np.diff(time_s[used]))))

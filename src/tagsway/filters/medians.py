@@ -31,23 +31,18 @@ def median_filter(values: FloatArray, *, width: int) -> FloatArray:
     """
     if width < 1:
         raise InputError(f"a median filter needs a window of at least 1 sample, not {width}")
-    if width % 2 == 0:
-        half = width // 2
-        return (_run(values, half, half - 1) + _run(values, half - 1, half)) / 2
-    return _run(values, width // 2, width // 2)
-
-
-def _run(values: FloatArray, back: int, ahead: int) -> FloatArray:
-    """Return medians over `back` samples before and `ahead` after each one."""
+    half = width // 2
     result = np.full(values.shape, np.nan)
-    count = len(values)
-    if count > back + ahead:
-        windows = sliding_window_view(values, back + ahead + 1, axis=0)
-        result[back : count - ahead] = _nan_median(windows)
-    for i in (*range(min(back, count)), *range(max(count - ahead, back), count)):
-        reach = min(i, count - 1 - i)
-        edge = np.moveaxis(values[i - reach : i + reach + 1], 0, -1)
-        result[i] = _nan_median(edge)
+    for back, ahead in ((half, half),) if width % 2 else ((half, half - 1), (half - 1, half)):
+        if len(values) > 2 * half:
+            windows = sliding_window_view(values, back + ahead + 1, axis=0)[half - back :][: len(values) - 2 * half]
+            middle = _nan_median(windows)
+            inner = result[half : len(values) - half]
+            inner[...] = np.where(np.isnan(inner), middle, (inner + middle) / 2)
+    for i in range(len(values)):
+        reach = min(i, len(values) - 1 - i)
+        if reach < half:
+            result[i] = _nan_median(np.moveaxis(values[i - reach : i + reach + 1], 0, -1))
     result[np.isnan(values)] = np.nan
     return result
 

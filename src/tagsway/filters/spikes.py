@@ -140,7 +140,8 @@ def _find_once(time: FloatArray, values: FloatArray, floor: FloatArray, half: in
     record = _Record(time=time, values=values, half=half, longest=longest, jump=np.zeros(len(time)))
     index = np.arange(len(time))[:, None]
     noise = record.residuals(index, np.full_like(index, -1))[:, 0]
-    noise = np.maximum(median_filter(noise, width=SCALE_WIDTH), np.median(noise))
+    whole = np.clip(index[:, 0], min(SCALE_WIDTH, len(time)) // 2, len(time) - 1 - min(SCALE_WIDTH, len(time) - 1) // 2)
+    noise = np.maximum(median_filter(noise, width=SCALE_WIDTH)[whole], np.median(noise))
     scale = np.maximum(MEDIAN_TO_STD * noise + 1e-12 * float(np.max(np.abs(values))), floor)
     record = replace(record, jump=_acceleration_jump(time, values, half))
     alone = record.residuals(index, np.full_like(index, -1))[:, 0]

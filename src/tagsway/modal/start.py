@@ -1,14 +1,13 @@
 """Where the fit starts, and whether there is anything to fit."""
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from tagsway.modal.decay import COSINE, SINE
 from tagsway.modal.least_squares import Samples, fit_linear_part
 from tagsway.modal.noise import grid_places
 from tagsway.modal.pencil import find_pole
 from tagsway.modal.spectrum import find_peaks_of, find_spectrum
-from tagsway.modal.sway import MAD_TO_STD
+from tagsway.modal.sway import remove_spikes
 from tagsway.model import FloatArray
 
 
@@ -53,26 +52,6 @@ def find_start(samples: Samples) -> tuple[FloatArray, float] | None:
     if best is None or not np.hypot(best[0][COSINE], best[0][SINE]) > 0:
         return None
     return best[0], max(best[1], 1e-9 * float(np.ptp(value)))
-
-
-def remove_spikes(value: FloatArray) -> FloatArray:
-    """Replace single outliers by their neighbours' median: for start values and peaks, never before a fit.
-
-    Parameters
-    ----------
-    value : ndarray, shape (n,)
-        Finite.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    if len(value) < 5:
-        return value
-    middle = median_filter(value, size=5, mode="nearest")
-    away = np.abs(value - middle)
-    limit = 8 * MAD_TO_STD * float(np.median(away)) + 1e-300
-    return np.where(away > limit, middle, value)
 
 
 def _pole_of_longest_piece(time_s: FloatArray, value: FloatArray, near_hz: float) -> complex | None:

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import FloatArray, Track, Window
+from tagsway.model import BoolArray, FloatArray, Track, Window
 
 MAD_TO_STD = 1.4826
 """A normal distribution's standard deviation over its median absolute deviation."""
@@ -101,7 +102,9 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         inside = (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
     points, std, time = points[inside], std[inside], track.time_s[inside]
     finite = np.isfinite(points)
-    planar = bool(np.count_nonzero(finite[:, 1]) > 0.5 * np.count_nonzero(finite[:, 0]))
+    across = points[finite[:, 1], 1]
+    # A source without a second coordinate may hold zeros in its place.
+    planar = bool(len(across) > 0.5 * np.count_nonzero(finite[:, 0]) and np.ptp(across) > 0)
     if not planar:
         points = np.column_stack([points[:, 0], np.zeros(len(points))])
         std = np.column_stack([std[:, 0], np.zeros(len(points))])
@@ -109,14 +112,16 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     points, std, time = points[seen], std[seen], time[seen]
     if len(time) == 0:
         return Sway(time_s=time, value=time, spread=time, curvature=0, curvature_std=0, planar=planar, axis_rad=0)
-    centre, axis = _main_axis(points) if planar else (np.median(points, axis=0), 0.0)
+    clean = np.column_stack([remove_spikes(c) for c in points.T])
+    steady = np.all(clean == points, axis=1)
+    centre, axis = _main_axis(points[steady]) if planar else (np.median(points, axis=0), 0.0)
     if sway_axis is not None:
         axis = {"x": 0.0, "z": np.pi / 2}[sway_axis] if sway_axis in ("x", "z") else np.radians(float(sway_axis))
     direction = np.array([np.cos(axis), np.sin(axis)])
     along = (points - centre) @ direction
     across = (points - centre) @ np.array([-direction[1], direction[0]])
     planar = planar and arc
-    value, curvature, curvature_std = _way_along_arc(along, across) if planar else (along, 0.0, 0.0)
+    value, curvature, curvature_std = _way_along_arc(along, across, steady) if planar else (along, 0.0, 0.0)
     return Sway(
         time_s=time,
         value=value,
@@ -128,9 +133,30 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     )
 
 
+def remove_spikes(value: FloatArray) -> FloatArray:
+    """Replace single outliers by their neighbours' median: for start values and peaks, never before a fit.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n,)
+        Finite.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    if len(value) < 5:
+        return value
+    middle = median_filter(value, size=5, mode="nearest")
+    away = np.abs(value - middle)
+    # Second differences know the noise and how far a smooth peak stands above its neighbours' median.
+    limit = 8 * MAD_TO_STD * float(np.median(np.abs(np.diff(value, 2)))) / np.sqrt(6)
+    return np.where(away > limit, middle, value)
+
+
 def _relative(track: Track) -> tuple[FloatArray, FloatArray]:
     points, std = track.pcp.position, track.pcp.position_std
-    if track.tcp is None:
+    if track.tcp is None or np.count_nonzero(np.isfinite(points[:, 0] - track.tcp.position[:, 0])) < 8:
         return points, std
     return points - track.tcp.position, np.hypot(std, track.tcp.position_std)
 
@@ -147,7 +173,7 @@ def _spread(std: FloatArray) -> FloatArray:
 def _main_axis(points: FloatArray) -> tuple[FloatArray, float]:
     """Return centre and direction of largest scatter, by Student-t weights so that spikes do not turn it."""
     centre = np.median(points, axis=0)
-    weight = np.ones(len(points))
+    weight: FloatArray = np.ones(len(points))
     covariance = np.eye(2)
     for _ in range(20):
         away = points - centre
@@ -164,27 +190,31 @@ def _main_axis(points: FloatArray) -> tuple[FloatArray, float]:
     return centre, (angle + np.pi / 2) % np.pi - np.pi / 2 if abs(vector[0]) > 1e-6 else np.pi / 2
 
 
-def _way_along_arc(along: FloatArray, across: FloatArray) -> tuple[FloatArray, float, float]:
+def _way_along_arc(along: FloatArray, across: FloatArray, steady: BoolArray) -> tuple[FloatArray, float, float]:
     """Return way, curvature and its error from the circle a (s² + v²) + b s + v + d = 0, linear in a, b and d."""
-    size = float(np.max(np.abs(along), initial=0.0))
-    if len(along) < 12 or not size > 0:
+    # A spike far out on either axis would turn the circle by its leverage.
+    reach = 6 * MAD_TO_STD * float(np.median(np.abs(along)))
+    steady = steady & (np.abs(along) <= reach) & (np.abs(across) <= reach)
+    size = float(np.max(np.abs(along[steady]), initial=0.0))
+    if np.count_nonzero(steady) < 12 or not size > 0:
         return along, 0.0, 0.0
     s, v = along / size, across / size
-    columns = np.column_stack([s**2 + v**2, s, np.ones(len(s))])
-    weight: FloatArray = np.ones(len(s))
+    columns = np.column_stack([s**2 + v**2, s, np.ones(len(s))])[steady]
+    weight: FloatArray = np.ones(len(columns))
     circle: FloatArray = np.zeros(3)
-    residual: FloatArray = v
     scale = 0.0
     for _ in range(8):
-        circle = np.linalg.lstsq(columns * weight[:, None], -v * weight, rcond=None)[0]
-        residual = v + columns @ circle
+        circle = np.asarray(np.linalg.lstsq(columns * weight[:, None], -v[steady] * weight, rcond=None)[0], dtype=float)
+        residual = np.asarray(v[steady] + columns @ circle, dtype=float)
         scale = MAD_TO_STD * float(np.median(np.abs(residual)))
         if not scale > 1e-12:
             break
-        weight = (1 + (residual / (1.5 * scale)) ** 2) ** -0.25
+        weight = np.where(np.abs(residual) < 6 * scale, (1 + (residual / (1.5 * scale)) ** 2) ** -0.25, 0.0)
     a, b, d = circle
     discriminant = 1 + b**2 - 4 * a * d
-    inverse = np.linalg.pinv((columns * weight[:, None]).T @ (columns * weight[:, None]))
+    inverse: FloatArray = np.asarray(
+        np.linalg.pinv((columns * weight[:, None]).T @ (columns * weight[:, None])), dtype=float
+    )
     std = 2 * scale * float(np.sqrt(inverse[0, 0])) / size
     if not discriminant > 0 or not abs(a) / size > 3 * std + 1e-6 / size:
         return along, 0.0, std

@@ -11,8 +11,8 @@ from tagsway.modal.least_squares import DecayFit, Samples, extend, fit_decay
 from tagsway.modal.peaks import find_peaks
 from tagsway.modal.significance import require_oscillation, significance
 from tagsway.modal.spectrum import find_peaks_of, find_spectrum
-from tagsway.modal.start import find_start, remove_spikes
-from tagsway.modal.sway import MAD_TO_STD, measure_sway
+from tagsway.modal.start import find_start
+from tagsway.modal.sway import MAD_TO_STD, measure_sway, remove_spikes
 from tagsway.model import BoolArray, CleanTagTrack, CleanTrack, FloatArray, TagTrack, Track, Window
 
 MOVING = 0.05

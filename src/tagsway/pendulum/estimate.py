@@ -8,7 +8,6 @@ from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import (
     GRAVITY_M_S2,
     Estimate,
-    FloatArray,
     Implied,
     ModalEstimate,
     Notice,
@@ -17,8 +16,8 @@ from tagsway.model import (
     Track,
     Window,
 )
-from tagsway.pendulum.arc import fit_circle
-from tagsway.pendulum.fit import Solution, fit_record
+from tagsway.pendulum.arc import Arc, fit_circle
+from tagsway.pendulum.fit import SCALE_STD, Solution, fit_record
 from tagsway.pendulum.model import (
     Unknown,
     angular_frequency,
@@ -29,7 +28,7 @@ from tagsway.pendulum.model import (
 )
 from tagsway.pendulum.record import Record, choose_record
 from tagsway.pendulum.start import find_arc, find_starts
-from tagsway.pendulum.verdict import is_point_mass, judge
+from tagsway.pendulum.verdict import LARGEST_EXCESS, is_point_mass, judge
 
 LEAST_SWAY_OVER_NOISE = 10.0
 """A payload that sways less than this many times its tags' noise shows no pendulum."""
@@ -107,7 +106,7 @@ def fit_pendulum(
     if mass_kg is not None and not (mass_kg > 0 and np.isfinite(mass_kg)):
         raise InputError(f"the mass must be positive, not {mass_kg:g} kg: give the payload's mass, or none")
     try:
-        record, solution = _fit(track, window, modal, rng)
+        record, arc, solution = _fit(track, window, modal, rng)
     except NotIdentifiableError as problem:
         reason = str(problem)
         return PendulumFit(
@@ -116,11 +115,11 @@ def fit_pendulum(
     curve = PendulumCurve(
         time_s=record.time_s, measured=record.sway_m, simulated=np.ascontiguousarray(solution.predicted[:2].T)
     )
-    estimate, notices = _report(record, solution, mass_kg)
+    estimate, notices = _report(record, arc, solution, mass_kg)
     return PendulumFit(estimate=estimate, curve=curve, notices=(*record.notices, *notices))
 
 
-def _fit(track: Track, window: Window, modal: ModalEstimate, rng: np.random.Generator) -> tuple[Record, Solution]:
+def _fit(track: Track, window: Window, modal: ModalEstimate, rng: np.random.Generator) -> tuple[Record, Arc, Solution]:
     if track.tcp is None:
         raise _undetermined("the tool's tag was never seen: the pivot's motion is not known")
     if track.length_unit != "m":
@@ -140,19 +139,20 @@ def _fit(track: Track, window: Window, modal: ModalEstimate, rng: np.random.Gene
         raise _undetermined(f"the payload sways over {1e3 * swept:.2f} mm only, with {1e3 * noise:.2f} mm of noise")
     arc = find_arc(record, fallback_radius)
     try:
-        return record, fit_record(record, arc, find_starts(record, arc, modal))
+        return record, arc, fit_record(record, arc, find_starts(record, arc, modal))
     except (ValueError, np.linalg.LinAlgError) as problem:
         raise _undetermined("no pendulum follows this motion: check the window and the tags' sizes") from problem
 
 
-def _report(record: Record, solution: Solution, mass_kg: float | None) -> tuple[PendulumEstimate, tuple[Notice, ...]]:
+def _report(
+    record: Record, arc: Arc, solution: Solution, mass_kg: float | None
+) -> tuple[PendulumEstimate, tuple[Notice, ...]]:
     verdict = judge(record, solution)
     told = verdict.kind != "refuse"
     length = solution.estimate(length_m, low=0.0) if told else None
     over_inertia = solution.estimate(stiffness_over_inertia) if told else None
-    damping = solution.estimate(damping_over_inertia, low=0.0)
-    radius = solution.estimate(tag_radius_m, low=0.0)
-    arc_known = radius.std <= LARGEST_RADIUS_STD * radius.value
+    follows = solution.excess <= LARGEST_EXCESS
+    radius, height = _arc_of(arc, solution if follows else None)
     point_mass = is_point_mass(solution) if told else None
     stiffness: Estimate | None = None
     damper: Estimate | None = None
@@ -181,15 +181,15 @@ def _report(record: Record, solution: Solution, mass_kg: float | None) -> tuple[
         )
     estimate = PendulumEstimate(
         length_m=length,
-        tag_radius_m=radius if arc_known else None,
-        pivot_offset_m=solution.estimate(_pivot_height) if arc_known else None,
+        tag_radius_m=radius,
+        pivot_offset_m=height,
         mass_kg=mass_kg,
         point_mass=point_mass,
         stiffness_n_m_per_rad=stiffness,
         damping_n_m_s_per_rad=damper,
         stiffness_over_inertia_rad2_s2=over_inertia,
-        damping_over_inertia_rad_s=damping,
-        quadratic_drag_per_rad=solution.estimate(lambda p: p[Unknown.DRAG]),
+        damping_over_inertia_rad_s=solution.estimate(damping_over_inertia, low=0.0) if follows else None,
+        quadratic_drag_per_rad=solution.estimate(lambda p: p[Unknown.DRAG]) if follows else None,
         determined=verdict.kind == "claim",
         reason=verdict.reason,
         implied=Implied(
@@ -202,8 +202,17 @@ def _report(record: Record, solution: Solution, mass_kg: float | None) -> tuple[
     return estimate, tuple(notices)
 
 
-def _pivot_height(parameters: FloatArray) -> FloatArray:
-    return np.asarray(parameters[Unknown.OFFSET_Z])
+def _arc_of(arc: Arc, solution: Solution | None) -> tuple[Estimate | None, Estimate | None]:
+    """Return r and the pivot's height: of the fit, or of the geometry alone where no pendulum follows the motion."""
+    if solution is not None:
+        radius = solution.estimate(tag_radius_m, low=0.0)
+        height = solution.estimate(lambda p: p[Unknown.OFFSET_Z])
+    elif np.isfinite(arc.radius_std_m):
+        std = float(np.hypot(arc.radius_std_m, SCALE_STD * arc.radius_m))
+        radius, height = Estimate.normal(arc.radius_m, std, low=0.0), Estimate.normal(float(arc.centre_m[1]), std)
+    else:
+        return None, None
+    return (radius, height) if radius.std <= LARGEST_RADIUS_STD * radius.value else (None, None)
 
 
 def _not_determined(reason: str) -> Notice:

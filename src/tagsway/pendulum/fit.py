@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from tagsway.model import BoolArray, Estimate, FloatArray
 from tagsway.pendulum.arc import SOFTNESS_STD, Arc
 from tagsway.pendulum.model import Unknown, predict
-from tagsway.pendulum.record import Record
+from tagsway.pendulum.record import LEAST_STD_M, LEAST_STD_RAD, Record
 
 SCALE_STD = 0.003
 """Overall scale: the printed side of a tag is known to 0.1 mm in 30; nothing in the picture tells more."""
@@ -64,7 +64,8 @@ class Solution:
     noise_m : float
         White noise of a sample of the sway, along one axis.
     excess : float
-        Mean square of the whitened residuals: 1 if noise and the pivot's path explain all that is left, 1 at least.
+        Mean square of the whitened residuals, of all or of those that the pivot's path moves most: 1 (never less) if
+        noise and that path explain all that is left.
     rms_m, max_m : float
         Of the distance between measured and predicted sway, spikes left out.
     """
@@ -87,6 +88,11 @@ class Solution:
             Of parameters of shape (14, m), to shape (m,).
         low : float
             Below which the quantity cannot lie.
+
+        Returns
+        -------
+        Estimate
+            With a normal interval, cut off at `low`.
         """
         step = 1e-6
         around = self.parameters[:, None] + step * np.hstack([np.eye(len(Unknown)), -np.eye(len(Unknown))])
@@ -200,7 +206,7 @@ def fit_record(record: Record, arc: Arc, starts: list[FloatArray]) -> Solution:
     say how large each channel's noise is, and which samples are spikes. The input's noise moves the whole response and
     not a sample [1]_, so the second fit is generalised least squares: the covariance of a sample is its noise plus the
     scatter of the responses to draws of the pivot's path. What is then left should be white with unit variance; where
-    it is larger, the errors are widened by as much.
+    it is larger, the noise's share of the errors is widened by as much.
 
     References
     ----------
@@ -213,12 +219,12 @@ def fit_record(record: Record, arc: Arc, starts: list[FloatArray]) -> Solution:
     first = _Problem(record, prior_mean, std, seen)
     if len(starts) > 1:
         starts = [min((_minimise(first, start, steps=8) for start in starts), key=lambda one: one[1])[0]]
-    parameters, _ = _minimise(first, starts[0], steps=40)
+    parameters, _ = _minimise(first, starts[0], steps=25)
 
     std, seen = _judge_noise(first, parameters)
     second = _Problem(record, prior_mean, std, seen)
     second.input_modes = _InputModes.of(second.scaled(_responses(record, parameters)))
-    parameters, _ = _minimise(second, parameters, steps=20, loss="linear")
+    parameters, _ = _minimise(second, parameters, steps=12, loss="linear")
     return _solve(second, parameters)
 
 
@@ -248,8 +254,8 @@ def _judge_noise(problem: _Problem, parameters: FloatArray) -> tuple[FloatArray,
         row, here = left[channel] / problem.std[channel], problem.seen[channel]
         if not np.any(here):
             continue
-        floor = 1.0 if problem.record.std_stated else 0.0
-        factor = max(white_noise(row[here]), floor, 1e-3)
+        least = (LEAST_STD_M, LEAST_STD_M, LEAST_STD_RAD)[channel] / float(np.max(problem.std[channel, here]))
+        factor = max(white_noise(row[here]), 1.0 if problem.record.std_stated else least)
         # A tag that does not quite turn with the product is a poorer witness than its noise says.
         typical = 1.4826 * float(np.median(np.abs(row[here])))
         std[channel] *= max(factor, typical) if channel == 2 else factor
@@ -271,7 +277,10 @@ def _solve(problem: _Problem, parameters: FloatArray) -> Solution:
     record, free = problem.record, parameters[problem.free]
     residual, jacobian = problem.residual(free), problem.jacobian(free)
     samples = residual[: -len(free)]
-    excess = max(1.0, float(np.sum(samples**2)) / max(len(samples) - len(free), 1))
+    everywhere = float(np.sum(samples**2)) / max(len(samples) - len(free), 1)
+    # A misfit is smooth and hides where the pivot's uncertain path could explain it: those few directions count alone.
+    along_input = 0.0 if problem.input_modes is None else problem.input_modes.excess(samples)
+    excess = max(1.0, everywhere, along_input)
     noise_only = jacobian[: -len(free)]
     information = noise_only.T @ noise_only / excess + np.diag(problem.prior_std**-2.0)
     covariance = np.zeros((len(Unknown), len(Unknown)))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -25,8 +26,11 @@ INDICATIVE_RELEASE_RAD = 0.5
 LARGEST_NOISE_M = 1e-4
 """Noise of one tag."""
 
-LARGEST_EXCESS = 2.25
-"""Mean square of the whitened residuals, 1.5² : beyond, the model misses something, and k takes it up."""
+LARGEST_EXCESS = 2.0
+"""Mean square of the whitened residuals; beyond, the model misses something, and k takes it up.
+
+A right model leaves 0.3 to 1; a spring that stiffens by 20 %/rad² leaves 2 where it moves k by a fifth.
+"""
 
 LARGEST_LENGTH_STD = 0.03
 """Relative standard error of l."""
@@ -50,7 +54,7 @@ class Verdict:
         One sentence.
     """
 
-    kind: str
+    kind: Literal["claim", "indicative", "refuse"]
     reason: str
 
 
@@ -79,6 +83,11 @@ def judge(record: Record, solution: Solution) -> Verdict:
     share = LARGEST_STIFFNESS_STD * abs(stiffness.value)
     if not np.all(np.isfinite([swing, spread, stiffness.std])):
         return _refuse("the fit did not converge")
+    if not solution.excess <= LARGEST_EXCESS:
+        return _refuse(
+            f"the residuals are {math.sqrt(solution.excess):.1f} times what noise explains: the payload is more than "
+            "one pendulum, or something touched it"
+        )
     if not record.moved and not swing >= INDICATIVE_RELEASE_RAD:
         return _refuse(
             f"from a decay alone of {swing:.2f} rad l and k cannot be told apart: film the move too, with at least "
@@ -86,11 +95,6 @@ def judge(record: Record, solution: Solution) -> Verdict:
         )
     if not swing <= LARGEST_SWING_RAD:
         return _refuse(f"the payload swings to {swing:.2f} rad, beyond {LARGEST_SWING_RAD:g} rad: move more gently")
-    if not solution.excess <= LARGEST_EXCESS:
-        return _refuse(
-            f"the residuals are {math.sqrt(solution.excess):.1f} times what noise explains: the payload is more than "
-            "one pendulum, or something touched it"
-        )
     if not swing >= least:
         return _refuse(f"a swing of {swing:.2f} rad is too small to tell l from k: expected at least {least:g} rad")
     if not noise <= LARGEST_NOISE_M:

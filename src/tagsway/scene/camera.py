@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagsway.model import FloatArray
-from tagsway.scene.model import SceneCamera
+from tagsway.scene.optics import SceneCamera
 
 UNDISTORT_STEPS = 8
 """Newton steps: four are enough to the last bit for any distortion that a scene accepts."""

@@ -23,6 +23,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eig
 
+from tagsway.errors import InputError
 from tagsway.model import GRAVITY_M_S2, FloatArray, Mode, Trajectory
 from tagsway.scene.model import Scene, Waypoints
 from tagsway.trajectories import plan_move
@@ -151,6 +152,8 @@ def find_modes(scene: Scene) -> tuple[Mode, ...]:
     roots, vectors = eig(left, np.block([[one, still], [still, mass]]))
     kept = [i for i in range(4) if roots[i].imag > 0]
     kept.sort(key=lambda i: -float(abs(vectors[0, i]) / np.linalg.norm(vectors[:2, i])))
+    if not kept:
+        raise InputError("this scene does not swing: both of its bodies are damped too much")
     return tuple(_mode_of(complex(roots[i])) for i in kept)
 
 

@@ -82,7 +82,7 @@ def plan_film(scene: Scene, *, rng: np.random.Generator | None = None) -> Film:
     kept = rng.random(count) >= video.lost_share
     for first, last in video.lost:
         kept[max(first, 0) : last + 1] = False
-    kept[0] = True
+    kept[0] = True  # the file's clock begins with it
     frame = np.flatnonzero(kept)
     time = (np.arange(count) / video.fps_hz + jitter - jitter[0])[frame]
     shake = scene.camera.shake_px * _shake(time, scene.camera.shake_hz, rng)

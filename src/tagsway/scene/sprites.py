@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tagsway.model import FloatArray
-from tagsway.scene.model import Picture, Scene, Tag, TagName
+from tagsway.scene.model import Scene, Tag, TagName
+from tagsway.scene.optics import Picture
 from tagsway.tags.draw import cover_tag
 from tagsway.tags.families import tag_family
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,9 +21,14 @@ class StepStore:
     ----------
     folder : Path or None
         Where they are kept; None keeps nothing.
+
+    Notes
+    -----
+    What was computed is written by `keep` alone, so that a run that ends with an error leaves nothing behind.
     """
 
     folder: Path | None = None
+    _new: dict[Path, Any] = field(default_factory=dict)
 
     def get(self, name: str, kind: type[T], compute: Callable[[], T], *, depends_on: Any) -> T:
         """Return a step's result, computed only where it is not kept yet.
@@ -52,12 +57,18 @@ class StepStore:
             try:
                 return read_packed(kind, path)
             except ValueError:
-                path.unlink(missing_ok=True)
-        result = compute()
-        for stale in self.folder.glob(f"{name}-*.npz") if self.folder.exists() else ():
-            stale.unlink(missing_ok=True)
-        write_packed(path, result)
-        return result
+                pass  # damaged, or of an older layout: computed again, and written over
+        self._new[path] = compute()
+        value: T = self._new[path]
+        return value
+
+    def keep(self) -> None:
+        """Write the steps that were computed; what they replace is removed."""
+        for path, value in self._new.items():
+            for stale in path.parent.glob(f"{path.stem.rpartition('-')[0]}-*.npz"):
+                stale.unlink(missing_ok=True)
+            write_packed(path, value)
+        self._new.clear()
 
 
 def file_sha256(path: Path) -> str:

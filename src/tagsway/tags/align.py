@@ -20,8 +20,12 @@ _MOST_STEPS = 12
 _LAST_STEP_PX = 0.1  # the refinement takes what is left
 _SMALLEST_SIDE_PX = 8.0
 _PAD_PX = 10  # of the crop around a predicted tag: what the alignment may move
-_BLURS_PX = tuple(0.45 * 1.2**k for k in range(12))
-_FIRST_BLUR = 4
+_BLURS_PX = tuple(0.25 * 1.3**k for k in range(10))  # of the optics
+_FIRST_BLUR = 3
+_SHUTTERS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # exposure over frame interval
+_TELLING_TRAVEL_PX = 3.0  # in a frame interval: less blurs too little to tell the shutter
+_SHUTTER_LESSONS = 4
+_RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
 
@@ -78,10 +82,15 @@ class Aligner:
         self._family = family
         self._tag_id = tag_id
         self._template: Template | None = None
+        self._blurred_by_px = math.inf
+        self._shutter = 0.0
+        self._lessons = 0
         self._log_ratio = np.zeros(3)
         self._measured = 0
 
-    def align(self, grey: GreyArray, homography: FloatArray) -> Sighting | None:
+    def align(
+        self, grey: GreyArray, homography: FloatArray, *, travel_px: tuple[float, float] | None = None
+    ) -> Sighting | None:
         """Return the tag as it is seen near a predicted pose.
 
         Parameters
@@ -90,6 +99,8 @@ class Aligner:
             The image.
         homography : ndarray, shape (3, 3)
             Predicted; takes the tag's frame to pixels. Off by not more than about 5 px and half a cell.
+        travel_px : tuple of float, optional
+            How far the tag moves, right and down, from frame to frame; the share of it that blurs the image is learned.
 
         Returns
         -------
@@ -103,41 +114,61 @@ class Aligner:
         if crop is None:
             return None
         inside = crop.enter(homography)
-        if self._template is None:
-            self._template = self._learn_blur(crop, inside, scale_px)
-        elif not 1 / _RESIZED < scale_px / self._template.scale_px < _RESIZED:
-            self._template = self._make_template(scale_px, self._template.blur_px)
-        found = _align_grid(crop.grey, inside, self._template)
+        self._learn(crop, inside, travel_px)
+        template = self._template
+        if template is None:
+            return None
+        found = _align_grid(crop.grey, inside, template)
         if found is None:
             return None
-        refined = refine(crop.grey, found, self._template)
+        refined = refine(crop.grey, found, template, motion_px=_scale(travel_px, self._shutter))
         return None if refined is None else self._report(crop, refined)
-
-    def forget(self) -> None:
-        """Have sharpness and noise measured again at the next alignment."""
-        self._template = None
-        self._measured = 0
 
     def _make_template(self, scale_px: float, blur_px: float) -> Template:
         return make_template(self._family, self._tag_id, scale_px=scale_px, blur_px=blur_px)
 
-    def _learn_blur(self, crop: _Crop, homography: FloatArray, scale_px: float) -> Template:
-        """Return the template whose sharpness leaves the least residual, going downhill from a usual one."""
-        made: dict[int, tuple[float, Template]] = {}
+    def _learn(self, crop: _Crop, homography: FloatArray, travel_px: tuple[float, float] | None) -> None:
+        """Have a template for this image: of its size, as sharp as the optics, and know the shutter if it shows.
+
+        At rest the blur is that of the optics; it is measured again whenever the tag is much slower than before. On a
+        fast frame the shutter is measured with what is known of the optics, then the optics with the shutter.
+        """
+        scale_px = measure_scale(homography)
+        travel = math.inf if travel_px is None else math.hypot(*travel_px)
+        if self._lessons < _SHUTTER_LESSONS and _TELLING_TRAVEL_PX < travel < math.inf:
+            blurred = self._template is None or self._blurred_by_px > _RESTING_TRAVEL_PX
+            template = self._make_template(scale_px, _BLURS_PX[_FIRST_BLUR]) if blurred else self._template
+            assert template is not None
+            shutter = _find_shutter(crop.grey, homography, template, travel_px or (0.0, 0.0))
+            if shutter is not None:
+                self._lessons += 1
+                self._shutter += (shutter - self._shutter) / self._lessons
+                self._blurred_by_px = math.inf
+        if self._template is None or travel < 0.5 * self._blurred_by_px:
+            motion = _scale(travel_px, self._shutter)
+            self._template = self._make_template(scale_px, self._find_blur(crop.grey, homography, scale_px, motion))
+            known = travel if self._lessons == 0 else _RESTING_TRAVEL_PX
+            self._blurred_by_px = max(known, _RESTING_TRAVEL_PX)
+        elif not 1 / _RESIZED < scale_px / self._template.scale_px < _RESIZED:
+            self._template = self._make_template(scale_px, self._template.blur_px)
+
+    def _find_blur(
+        self, grey: Float32Array, homography: FloatArray, scale_px: float, motion_px: tuple[float, float]
+    ) -> float:
+        """Return the optics' blur that leaves the least residual, going downhill from a usual one."""
+        made: dict[int, float] = {}
 
         def residual(k: int) -> float:
             if k not in made:
-                template = self._make_template(scale_px, _BLURS_PX[k])
-                found = _align_grid(crop.grey, homography, template)
-                refined = None if found is None else refine(crop.grey, found, template)
-                made[k] = (math.inf if refined is None else refined.variance, template)
-            return made[k][0]
+                made[k] = _residual(grey, homography, self._make_template(scale_px, _BLURS_PX[k]), motion_px)
+            return made[k]
 
-        best = _FIRST_BLUR
+        best, last = _FIRST_BLUR, len(_BLURS_PX) - 1
         for direction in (1, -1):
-            while 0 <= best + direction < len(_BLURS_PX) and residual(best + direction) < residual(best):
+            while 0 <= best + direction <= last and residual(best + direction) < residual(best):
                 best += direction
-        return made[best][1]
+        between = _find_lowest(residual(max(best - 1, 0)), residual(best), residual(min(best + 1, last)))
+        return float(_BLURS_PX[best] * (_BLURS_PX[1] / _BLURS_PX[0]) ** between)
 
     def _report(self, crop: _Crop, refined: Refinement) -> Sighting:
         h = crop.leave(refined.homography)
@@ -233,6 +264,37 @@ def _cut(grey: GreyArray, homography: FloatArray) -> _Crop | None:
     part = grey[top : int(most[1] + reach) + 2, left : int(most[0] + reach) + 2].astype(np.float32)
     part -= 128
     return _Crop(grey=part, left=left, top=top)
+
+
+def _scale(travel_px: tuple[float, float] | None, share: float) -> tuple[float, float]:
+    return (0.0, 0.0) if travel_px is None else (share * travel_px[0], share * travel_px[1])
+
+
+def _find_shutter(
+    grey: Float32Array, homography: FloatArray, template: Template, travel_px: tuple[float, float]
+) -> float | None:
+    """Return the share of the motion between two frames that blurs the image, if the pattern is seen."""
+    found = _align_grid(grey, homography, template)
+    if found is None:
+        return None
+    left = [_residual(grey, found, template, _scale(travel_px, shutter)) for shutter in _SHUTTERS]
+    best = int(np.argmin(left))
+    if not 0 < best < len(left) - 1:
+        return _SHUTTERS[best] if math.isfinite(left[best]) else None
+    return _SHUTTERS[best] + _find_lowest(*left[best - 1 : best + 2]) * (_SHUTTERS[1] - _SHUTTERS[0])
+
+
+def _residual(grey: Float32Array, homography: FloatArray, template: Template, motion_px: tuple[float, float]) -> float:
+    """Return the variance that a template leaves; infinite where it does not fit at all."""
+    found = _align_grid(grey, homography, template)
+    refined = None if found is None else refine(grey, found, template, motion_px=motion_px)
+    return math.inf if refined is None else refined.variance
+
+
+def _find_lowest(before: float, here: float, after: float) -> float:
+    """Return where the parabola through three values has its lowest point, in steps from the middle one."""
+    curvature = before - 2 * here + after
+    return (before - after) / (2 * curvature) if math.isfinite(curvature) and curvature > 0 else 0.0
 
 
 def _align_grid(crop: Float32Array, homography: FloatArray, template: Template) -> FloatArray | None:

@@ -123,6 +123,7 @@ class _Follower:
         self._tag_id = tag_id
         self._aligner = Aligner(search.family, tag_id)
         self._poses: list[tuple[float, FloatArray]] = []
+        self._interval_s = 0.0
         self._lost = 0
         self._wait = 1
         self._until_check = _CHECK_EVERY * (delay + 1) // (delay + 2)
@@ -138,7 +139,7 @@ class _Follower:
         if not self._poses:
             return self._miss()
         predicted = predict_pose(self._poses, frame.time_s)
-        sighting = self._aligner.align(frame.grey, predicted)
+        sighting = self._aligner.align(frame.grey, predicted, travel_px=self._travel(frame.time_s, predicted))
         if sighting is not None and self._is_plausible(sighting.corners_px, frame.time_s):
             return self._confirm(frame, sighting)
         if self._lost < _NEAR_TRIES:
@@ -178,6 +179,15 @@ class _Follower:
             angle_rad=rows[:, 15].copy(),
             angle_std_rad=rows[:, 16].copy(),
         )
+
+    def _travel(self, time_s: float, predicted: FloatArray) -> tuple[float, float] | None:
+        """Return how far the tag moves in the time between the first two frames; None where that is not known."""
+        last_s, last = self._poses[-1]
+        self._interval_s = self._interval_s or time_s - last_s
+        if len(self._poses) < 2:
+            return None
+        right, down = (predicted[:2, 2] - last[:2, 2]) * self._interval_s / (time_s - last_s)
+        return float(right), float(down)
 
     def _confirm(self, frame: Frame, sighting: Sighting) -> Sighting | None:
         """Return a sighting; now and then only after the detector has read the same id at this place."""

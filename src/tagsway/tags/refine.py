@@ -11,6 +11,8 @@ from tagsway.tags.template import PARAMETERS, Float32Array, Template
 
 _ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
 _BLOCKS = 10  # to a side
+_MOTION_STEP_PX = 0.9  # a blur of half a pixel hides steps of this length
+_MOST_MOTION_STEPS = 16
 _LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
 
 
@@ -39,7 +41,9 @@ class Refinement:
     correlation: float
 
 
-def refine(grey: Float32Array, homography: FloatArray, template: Template) -> Refinement | None:
+def refine(
+    grey: Float32Array, homography: FloatArray, template: Template, *, motion_px: tuple[float, float] = (0.0, 0.0)
+) -> Refinement | None:
     """Return the pose after one Gauss-Newton step in the image's frame.
 
     Parameters
@@ -50,6 +54,8 @@ def refine(grey: Float32Array, homography: FloatArray, template: Template) -> Re
         Takes the tag's frame to it; right to about 0.1 px.
     template : Template
         Of this size and sharpness.
+    motion_px : tuple of float
+        How far the tag moves, right and down, while the image is exposed.
 
     Returns
     -------
@@ -71,7 +77,9 @@ def refine(grey: Float32Array, homography: FloatArray, template: Template) -> Re
     local = local_jacobian(homography)
     x = ((np.arange(left, left + width) - centre[0]) / scale).astype(np.float32)
     y = ((np.arange(top, top + height) - centre[1]) / scale).astype(np.float32)[:, None]
-    design = _linearise(homography, template, region, scale * np.asarray(np.linalg.inv(local), dtype=np.float64), x, y)
+    design = _linearise(
+        homography, template, region, scale * np.asarray(np.linalg.inv(local), dtype=np.float64), x, y, motion_px
+    )
     flat = design.reshape(PARAMETERS, -1)
     seen = (grey[top : top + height, left : left + width] * design[9]).reshape(-1)
     normal = (flat @ flat.T).astype(float)
@@ -121,13 +129,12 @@ def _linearise(
     to_tag: FloatArray,
     x: Float32Array,
     y: Float32Array,
+    motion_px: tuple[float, float],
 ) -> Float32Array:
     """Return the derivatives of the grey values by p (8), gain and offset, shape (10, height, width)."""
-    left, top, width, height = region
-    place = np.array([[1, 0, left], [0, 1, top], [0, 0, 1.0]])
-    view = template.texture_grid @ np.linalg.inv(homography) @ place
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    seen = cv2.warpPerspective(template.texture, view, (width, height), flags=flags)
+    *_, width, height = region
+    view = template.texture_grid @ np.linalg.inv(homography)
+    seen = _expose(template.texture, view, region, motion_px)
     design = np.empty((PARAMETERS, height, width), np.float32)
     used = design[9]
     np.greater(seen[..., 3], 0.999, out=used, casting="unsafe")
@@ -143,6 +150,24 @@ def _linearise(
     np.multiply(inward, -x, out=design[6])
     np.multiply(inward, -y, out=design[7])
     return design
+
+
+def _expose(
+    texture: Float32Array, view: FloatArray, region: tuple[int, int, int, int], motion_px: tuple[float, float]
+) -> Float32Array:
+    """Return the texture as the image's pixels see it, averaged over the motion while they are exposed."""
+    left, top, width, height = region
+    steps = min(round(math.hypot(*motion_px) / _MOTION_STEP_PX) + 1, _MOST_MOTION_STEPS)
+    seen: Float32Array = np.zeros((height, width, 4), np.float32)
+    for k in range(steps):
+        part = (k + 0.5) / steps - 0.5
+        place = np.array([[1, 0, left - part * motion_px[0]], [0, 1, top - part * motion_px[1]], [0, 0, 1.0]])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        one = cv2.warpPerspective(texture, view @ place, (width, height), flags=flags)
+        if steps == 1:
+            return np.asarray(one, dtype=np.float32)
+        seen += one
+    return seen / np.float32(steps)
 
 
 def _functionals(along: FloatArray, scale: float) -> FloatArray:

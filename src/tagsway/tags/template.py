@@ -75,7 +75,7 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     scale_px : float
         Pixels to a unit of the tag's frame: half the side of the border square.
     blur_px : float
-        Standard deviation of the blur, in px; the pixels' own area included.
+        Standard deviation of the optics' blur, in px; the pixels' own area comes on top.
 
     Returns
     -------
@@ -84,7 +84,8 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
 
     Notes
     -----
-    A cell's edge blurred by a Gaussian is an error function, so pattern and gradients are exact at any size. The
+    A cell's edge blurred by a Gaussian is an error function, and its mean over a pixel has a closed form too, so
+    pattern and gradients are exact at any size (for a tag in line with the pixels, where it matters most). The
     derivative by the homography x → W(p) x at p = 0 is ∇T · ∂W/∂p (Baker and Matthews, IJCV 56 (2004) 221-255).
     The pattern reaches a little over the edge, as far as the paper around the tag can be trusted to be white.
     """
@@ -93,7 +94,8 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     half_width = _half_width(layout.cells, layout.border_cells, cell, blur_px / scale_px)
     width_px = 2 * half_width * scale_px
     samples = int(np.clip(np.ceil(width_px * _SAMPLES_PER_PX), _FEWEST_SAMPLES, _MOST_SAMPLES))
-    pattern, by_x, by_y, used, at = _draw(family, tag_id, half_width, samples, blur_px / scale_px)
+    blur, pixel = blur_px / scale_px, 1 / scale_px
+    pattern, by_x, by_y, used, at = _draw(family, tag_id, half_width, samples, blur, pixel)
     x, y = np.meshgrid(at, -at)
     inward = by_x * x + by_y * y
     columns = [by_x * x, by_x * y, by_x, by_y * x, by_y * y, by_y, -inward * x, -inward * y, pattern]
@@ -104,7 +106,7 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     core = pattern[inside, inside] - pattern[inside, inside].mean()
     step = at[1] - at[0]
     texels = int(min(np.ceil(width_px * _TEXELS_PER_PX), _MOST_TEXELS))
-    *planes, _ = _draw(family, tag_id, half_width, texels, blur_px / scale_px)
+    *planes, _ = _draw(family, tag_id, half_width, texels, blur, pixel)
     to_texel, middle = texels / (2 * half_width), (texels - 1) / 2
     return Template(
         samples=samples,
@@ -122,13 +124,15 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     )
 
 
-def _draw(family: str, tag_id: int, half_width: float, samples: int, blur: float) -> tuple[FloatArray, ...]:
+def _draw(
+    family: str, tag_id: int, half_width: float, samples: int, blur: float, pixel: float
+) -> tuple[FloatArray, ...]:
     """Return pattern, derivatives by x and by y, what is used, and where the columns lie."""
     layout = tag_family(family)
     cell = 2 / layout.border_cells
     at: FloatArray = -half_width + (np.arange(samples, dtype=np.float64) + 0.5) * (2 * half_width / samples)
     edges: FloatArray = (np.arange(layout.cells + 1, dtype=np.float64) - layout.cells / 2) * cell
-    inside, slope = _cell_weights(at, edges, blur)
+    inside, slope = _cell_weights(at, edges, blur, pixel)
     cells = tag_pattern(family, tag_id).astype(float)
     index = np.clip(np.floor((at - edges[0]) / cell).astype(int), 0, layout.cells - 1)
     used = used_cells(family)[np.ix_(index, index)].astype(float)
@@ -142,11 +146,17 @@ def _half_width(cells: int, border_cells: int, cell: float, blur: float) -> floa
     return 1 + float(np.clip(3 * blur, 0.3 * cell, 0.8 * cell))
 
 
-def _cell_weights(at: FloatArray, edges: FloatArray, blur: float) -> tuple[FloatArray, FloatArray]:
-    """Return how much of each cell a sample sees, and its derivative; shapes (samples, cells)."""
+def _cell_weights(at: FloatArray, edges: FloatArray, blur: float, pixel: float) -> tuple[FloatArray, FloatArray]:
+    """Return how much of each cell a pixel sees through a Gaussian blur, and its derivative: (samples, cells)."""
     distance = (at[:, None] - edges) / blur
-    level = ndtr(distance)
+    half = pixel / 2 / blur
+    level = (_integrate_ndtr(distance + half) - _integrate_ndtr(distance - half)) / (2 * half)
     level[:, 0], level[:, -1] = 1.0, 0.0  # the outermost cells go on outwards
-    density = np.exp(-0.5 * distance**2) / (np.sqrt(2 * np.pi) * blur)
+    density = (ndtr(distance + half) - ndtr(distance - half)) / pixel
     density[:, [0, -1]] = 0.0
     return level[:, :-1] - level[:, 1:], density[:, :-1] - density[:, 1:]
+
+
+def _integrate_ndtr(z: FloatArray) -> FloatArray:
+    """Return the integral of the normal distribution function up to z."""
+    return np.asarray(z * ndtr(z) + np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi), dtype=np.float64)

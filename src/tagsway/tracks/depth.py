@@ -14,6 +14,9 @@ SURE = 3.0
 LEAST_SAMPLES = 50
 """Below this many frames a band of frequencies is too few numbers."""
 
+MOST_SAMPLES = 4000
+"""Frames of a long record that are looked at: those with the most sway."""
+
 LEAST_SWAY = 5.0
 """In-plane sway over its standard error below which there is no sway to compare with."""
 
@@ -61,8 +64,8 @@ def find_depth_sway(
     seen = np.isfinite(size) & np.isfinite(sway_px).all(axis=1)
     if np.count_nonzero(seen) < LEAST_SAMPLES:
         return None
-    time = time_s[seen]
-    channels = np.column_stack([sway_px[seen], -focal_px * size[seen]])
+    channels = np.column_stack([sway_px, -focal_px * size])[seen]
+    time, channels = _liveliest_part(time_s[seen], channels)
     band = _sway_band(time, channels[:, :2])
     if band is None:
         return None
@@ -79,6 +82,13 @@ def find_depth_sway(
         f"in the picture{assumed}: the measured swing is a projection, and its damping may beat; set the camera "
         "square to the motion, or release the product without a sideways push",
     )
+
+
+def _liveliest_part(time: FloatArray, channels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return that part of a long record in which the sway in the plane is the largest."""
+    starts = range(0, max(len(time) - MOST_SAMPLES // 2, 1), MOST_SAMPLES)
+    best = max(starts, key=lambda i: float(np.var(channels[i : i + MOST_SAMPLES, :2], axis=0).sum()))
+    return time[best : best + MOST_SAMPLES], channels[best : best + MOST_SAMPLES]
 
 
 def _longer_side(tag: TagSightings) -> FloatArray:

@@ -1,7 +1,7 @@
 """Sightings of tags → tracks of tool and product, x right and z up."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -87,8 +87,8 @@ def join_tags(
     `--up DEG` is the angle, counter-clockwise as one looks at the image, from the image's up to the true one;
     "reference" takes the mean direction of the reference tag's own up.
     """
-    pcp, tcp = sightings.tag(settings.pcp_id), sightings.tag(settings.tcp_id)
-    reference = None if settings.reference_id is None else sightings.tag(settings.reference_id)
+    pcp, tcp = _seen(sightings, settings.pcp_id), _seen(sightings, settings.tcp_id)
+    reference = _seen(sightings, settings.reference_id)
     shake = None if reference is None else measure_shake(sightings.time_s, reference)
     up, up_source, notices = _find_up(settings, reference)
     width, height = sightings.video.width, sightings.video.height
@@ -96,16 +96,16 @@ def join_tags(
     picture = _Picture(principal_px=np.array(centre), up_rad=up, shake=shake)
     scales, unit, scale_notices = _find_scales(tcp, pcp, settings)
 
-    count = len(sightings.time_s)
-    tracks = {
-        name: _track_tag(tag, picture, scales[name], unit) for name, tag in (("tcp", tcp), ("pcp", pcp)) if _seen(tag)
-    }
+    tags = {name: tag for name, tag in (("tcp", tcp), ("pcp", pcp)) if tag is not None}
+    tracks = {name: _track_tag(tag, picture, scales[name], unit) for name, tag in tags.items()}
     origin = next((_first(track.position) for track in tracks.values()), np.zeros(2))
-    tracks = {name: _shifted(track, origin) for name, track in tracks.items()}
+    tracks = {name: replace(track, position=track.position - origin) for name, track in tracks.items()}
     fixed = None
-    if reference is not None and _seen(reference):
-        still = _Picture(principal_px=picture.principal_px, up_rad=up, shake=None)
-        fixed = _shifted(_track_tag(reference, still, scales["pcp"], unit), origin)
+    if reference is not None:
+        # Its own size is not asked for: it should hang at the depth of the motion, and is shown in the product's scale.
+        fixed = _track_tag(reference, replace(picture, shake=None), scales["pcp"], unit)
+        fixed = replace(fixed, position=fixed.position - origin)
+    count = len(sightings.time_s)
     track = Track(
         frame=np.arange(count),
         time_s=sightings.time_s,
@@ -125,8 +125,10 @@ def join_tags(
     return track, frame, notices
 
 
-def _seen(tag: TagSightings | None) -> bool:
-    return tag is not None and bool(np.isfinite(tag.centre_px).all(axis=1).any())
+def _seen(sightings: Sightings, tag_id: int | None) -> TagSightings | None:
+    """Return the sightings of a tag that was seen in some frame."""
+    tag = None if tag_id is None else sightings.tag(tag_id)
+    return tag if tag is not None and np.isfinite(tag.centre_px).all(axis=1).any() else None
 
 
 def _find_up(settings: Settings, reference: TagSightings | None) -> tuple[float, str, tuple[Notice, ...]]:
@@ -135,7 +137,7 @@ def _find_up(settings: Settings, reference: TagSightings | None) -> tuple[float,
         return 0.0, "image", ()
     if settings.up != "reference":
         return math.radians(float(settings.up)), f"option ({float(settings.up):g} degrees)", ()
-    if reference is None or not _seen(reference):
+    if reference is None:
         message = f"the reference tag {settings.reference_id} was never seen: up is taken from the image instead"
         return 0.0, "image", (Notice(code="up_from_image", message=message),)
     angle = reference.angle_rad[np.isfinite(reference.angle_rad)]
@@ -149,13 +151,13 @@ def _find_scales(
     sizes = {"tcp": (tcp, settings.tcp_tag_size_m), "pcp": (pcp, settings.pcp_tag_size_m)}
     found: dict[str, Estimate | None] = {"tcp": None, "pcp": None}
     for name, (tag, size) in sizes.items():
-        if tag is not None and size is not None and _seen(tag):
+        if tag is not None and size is not None:
             found[name] = measure_scale(tag, size)
     known = [name for name in found if found[name] is not None]
     if not known:
         message = "without --tag-size nothing is known in mm: frequency and damping are found, lengths are not"
         return found, "px", (Notice(code="no_tag_size", message=message),)
-    if len(known) == 1 and _seen(tcp) and _seen(pcp):
+    if len(known) == 1 and tcp is not None and pcp is not None:
         message = (
             f"only the {known[0].upper()} tag's size is given: its scale is used for both tags, and what they differ "
             "in depth is an error of every length; give both sizes"
@@ -164,10 +166,7 @@ def _find_scales(
     return {name: found[name] or found[known[0]] for name in found}, "m", ()
 
 
-def _track_tag(
-    tag: TagSightings | None, picture: _Picture, scale: Estimate | None, unit: Literal["m", "px"]
-) -> TagTrack:
-    assert tag is not None
+def _track_tag(tag: TagSightings, picture: _Picture, scale: Estimate | None, unit: Literal["m", "px"]) -> TagTrack:
     factor = 1.0 if unit == "px" or scale is None else scale.value / 1000
     position, std = picture.place(tag, factor)
     angle, angle_std = picture.direct(tag)
@@ -182,16 +181,6 @@ def _first(position: FloatArray) -> FloatArray:
     return np.asarray(position[seen[0]]) if len(seen) else np.zeros(2)
 
 
-def _shifted(track: TagTrack, origin: FloatArray) -> TagTrack:
-    return TagTrack(
-        position=track.position - origin,
-        position_std=track.position_std,
-        angle_rad=track.angle_rad,
-        angle_std_rad=track.angle_std_rad,
-        scale_mm_per_px=track.scale_mm_per_px,
-    )
-
-
 def _unseen(count: int) -> TagTrack:
     """Return the track of a tag that was never seen."""
     pair, single = np.full((count, 2), np.nan), np.full(count, np.nan)
@@ -203,7 +192,7 @@ def _judge_sightings(sightings: Sightings, settings: Settings, shake: Shake | No
     notices = []
     wanted = {"tcp": ("tool", settings.tcp_id), "pcp": ("product", settings.pcp_id)}
     for name, (what, tag_id) in wanted.items():
-        tag = sightings.tag(tag_id)
+        tag = _seen(sightings, tag_id)
         share = 0.0 if tag is None else float(np.mean(np.isfinite(tag.centre_px).all(axis=1)))
         if share == 0:
             message = f"the {what}'s tag {tag_id} was never seen"

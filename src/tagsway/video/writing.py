@@ -32,6 +32,7 @@ _CONTAINERS = {
     "raw": (".mkv", ".avi"),
 }
 _FINE_TIME_BASE = Fraction(1, 90_000)
+_FINEST_NEEDED = 10_000
 
 
 def write_video(
@@ -58,8 +59,8 @@ def write_video(
     time_s : ndarray, shape (n,), optional
         Time of each frame, rising from 0; by default one frame after the other at `fps_hz`.
     time_rounding_s : float, optional
-        Unit to which the file rounds its times; by default a divisor of the frame's period, or 1/90000 s where
-        `time_s` is given. A Matroska file always rounds to 1 ms; an AVI file knows one rate only, and no times.
+        Unit to which the file rounds its times; by default a divisor of the frame's period below 0.1 ms, or 1/90000 s
+        where `time_s` is given. A Matroska file always rounds to 1 ms; an AVI file knows one rate only, and no times.
     codec : {"h264", "hevc", "mjpeg", "ffv1", "raw"}
         The last two lose nothing.
     quality : float
@@ -81,6 +82,8 @@ def write_video(
     if time_s is not None and not (len(time_s) and time_s[0] == 0 and np.all(np.diff(time_s) > 0)):
         raise InputError("the times of a video's frames must rise from 0")
     base = _time_base(fps_hz, time_s is not None, time_rounding_s)
+    if path.suffix.lower() == ".avi":
+        base = 1 / _rate(fps_hz)
     _check(path, codec, quality, has_times=time_s is not None, full_range=full_range)
     try:
         with _in_its_place(path) as part:
@@ -106,11 +109,10 @@ def _encode(
         raise InputError(f"a video's sides must be even, not {width} x {height}")
     options = {"video_track_timescale": str(base.denominator)} if part.suffix in (".mp4", ".mov") else {}
     with av.open(str(part), "w", options=options) as container:
-        rate = Fraction(fps_hz).limit_denominator(100_000)
-        stream: Any = container.add_stream(name, rate=rate, options=_options(codec, quality))
+        stream: Any = container.add_stream(name, rate=_rate(fps_hz), options=_options(codec, quality))
         stream.width, stream.height, stream.pix_fmt = width, height, pixels
         context = stream.codec_context
-        context.time_base = 1 / rate if part.suffix == ".avi" else base
+        context.time_base = base
         context.thread_count = 1
         context.color_range = ColorRange.JPEG if full_range else ColorRange.MPEG
         if codec == "mjpeg":
@@ -120,7 +122,7 @@ def _encode(
             if image.shape != first.shape:
                 raise InputError(f"frame {count} is {image.shape[::-1]}: expected {first.shape[::-1]}, as the first")
             picture = _picture(image, pixels, full_range)
-            picture.pts, picture.time_base = stamp, context.time_base
+            picture.pts, picture.time_base = stamp, base
             container.mux(stream.encode(picture))
             count += 1
             following = next(frames, None)
@@ -185,8 +187,15 @@ def _time_base(fps_hz: float, has_times: bool, rounding_s: float | None) -> Frac
         return Fraction(1, round(1 / rounding_s))
     if has_times:
         return _FINE_TIME_BASE
-    rate = Fraction(fps_hz).limit_denominator(1001)
-    return Fraction(1, rate.numerator) if abs(float(rate) - fps_hz) < 1e-9 * fps_hz else _FINE_TIME_BASE
+    rate = _rate(fps_hz)
+    if abs(float(rate) - fps_hz) > 1e-9 * fps_hz:
+        return _FINE_TIME_BASE
+    return Fraction(1, rate.numerator << max(0, math.ceil(math.log2(_FINEST_NEEDED / rate.numerator))))
+
+
+def _rate(fps_hz: float) -> Fraction:
+    """Return a rate as containers write it, 30000/1001 for 29.97..."""
+    return Fraction(fps_hz).limit_denominator(1001)
 
 
 def _check(path: Path, codec: str, quality: float, *, has_times: bool, full_range: bool) -> None:

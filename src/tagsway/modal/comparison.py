@@ -1,0 +1,102 @@
+"""The estimators that were asked for, beside the one that decides."""
+
+import numpy as np
+
+from tagsway.modal.bound import to_modal
+from tagsway.modal.decay import ALPHA, OMEGA
+from tagsway.modal.delta import centre, estimate_of
+from tagsway.modal.least_squares import DecayFit, Samples
+from tagsway.modal.peaks import Peaks, find_peaks, measure_decay_rate, measure_period
+from tagsway.modal.spectrum import find_peaks_of, find_spectrum, find_spectrum_peak
+from tagsway.model import Estimate, Estimates, EstimatorResult, FloatArray, SpectrumCurve
+
+
+def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estimates:
+    """Return all estimators; each rival's error holds how far it is off on the fitted curve itself."""
+    (frequency, damping), jacobian = to_modal(fit.parameters)
+    damped = float(fit.parameters[OMEGA]) / (2 * np.pi)
+    up = float(np.hypot(fit.parameters[OMEGA], fit.parameters[ALPHA]) / fit.parameters[OMEGA])
+    clean = centre(samples, fit) - fit.residual
+    # A vibration that grows is not a free decay: it has no damping ratio.
+    decay_rate = estimate_of(fit, damping, jacobian[1])
+    clean_peaks = find_peaks(samples.time_s, clean, 1 / damped)
+
+    def frequency_of(found: Peaks) -> Estimate | None:
+        period = measure_period(found)
+        if period is None:
+            return None
+        value = up / period.value
+        return Estimate.normal(value, value * period.std / period.value, low=0.0)
+
+    def damping_of(found: Peaks) -> Estimate | None:
+        rate = measure_decay_rate(found, noise=fit.scale)
+        if rate is None:
+            return None
+        decrement = rate.value / damped
+        value = decrement / np.hypot(2 * np.pi, decrement)
+        scale = (1 - value**2) / float(np.hypot(2 * np.pi * damped, rate.value))
+        half = (rate.ci95[1] - rate.value) * scale
+        return Estimate(
+            value=max(float(value), 0.0),
+            std=rate.std * scale,
+            ci95=(max(float(value) - half, 0.0), max(float(value) + half, 0.0)),
+        )
+
+    periods = _with_bias(frequency_of(peaks), frequency_of(clean_peaks), frequency)
+    decrement = _with_bias(damping_of(peaks), damping_of(clean_peaks), damping)
+    return Estimates(
+        maximum_likelihood=EstimatorResult(
+            natural_frequency_hz=estimate_of(fit, frequency, jacobian[0], low=0.0),
+            damping_ratio=None if decay_rate.ci95[1] < 0 else estimate_of(fit, damping, jacobian[1], low=0.0),
+        ),
+        fft=EstimatorResult(natural_frequency_hz=_spectral(samples, fit, clean, up, frequency), damping_ratio=None),
+        log_decrement=EstimatorResult(natural_frequency_hz=periods, damping_ratio=decrement),
+        periods=EstimatorResult(natural_frequency_hz=periods, damping_ratio=None),
+    )
+
+
+def _with_bias(found: Estimate | None, on_clean: Estimate | None, truth: float) -> Estimate | None:
+    if found is None:
+        return None
+    bias = 0.0 if on_clean is None else on_clean.value - truth
+    wider = float(np.hypot(1.0, bias / found.std)) if found.std > 0 else 1.0
+    std = float(np.hypot(found.std, bias))
+    low, high = found.ci95
+    middle, half = 0.5 * (low + high), max(0.5 * (high - low) * wider, 1.96 * std)
+    return Estimate(value=found.value, std=std, ci95=(max(middle - half, 0.0), middle + half))
+
+
+def _spectral(samples: Samples, fit: DecayFit, clean: FloatArray, up: float, truth: float) -> Estimate | None:
+    curve = find_spectrum(samples.time_s, centre(samples, fit))
+    span = float(samples.time_s[-1] - samples.time_s[0])
+    tops = find_peaks_of(curve, lowest_hz=1 / span, count=1)
+    if not tops:
+        return None
+    peak = find_spectrum_peak(samples.time_s, centre(samples, fit), near_hz=tops[0])
+    rival = find_spectrum_peak(samples.time_s, clean, near_hz=tops[0])
+    noise = up * peak.unit_std_hz * fit.scale * float(np.sqrt(fit.inflation))
+    return _with_bias(
+        Estimate.normal(up * peak.frequency_hz, noise, low=0.0),
+        Estimate.normal(up * rival.frequency_hz, noise, low=0.0),
+        truth,
+    )
+
+
+def draw_spectrum(samples: Samples, fit: DecayFit) -> SpectrumCurve:
+    """Return the decay's spectrum up to ten times its frequency.
+
+    Parameters
+    ----------
+    samples : Samples
+        What was fitted.
+    fit : DecayFit
+        Of these samples.
+
+    Returns
+    -------
+    SpectrumCurve
+        Amplitude in the signal's unit.
+    """
+    curve = find_spectrum(samples.time_s, centre(samples, fit))
+    shown = curve.frequency_hz <= max(10 * fit.parameters[OMEGA] / (2 * np.pi), curve.frequency_hz[-1] / 20)
+    return SpectrumCurve(frequency_hz=curve.frequency_hz[shown], amplitude=curve.amplitude[shown])

@@ -1,0 +1,55 @@
+"""From a fit's parameters to what is reported, errors and all."""
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from tagsway.modal.bound import to_modal
+from tagsway.modal.decay import DRAG, OFFSET, OMEGA, SLOPE, SOFTENING
+from tagsway.modal.least_squares import DecayFit, Samples
+from tagsway.model import Estimate, FloatArray
+
+
+def centre(samples: Samples, fit: DecayFit) -> FloatArray:
+    """Return the samples counted from the fitted equilibrium, drift and all.
+
+    Parameters
+    ----------
+    samples : Samples
+        What was fitted.
+    fit : DecayFit
+        Of these samples.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    p = fit.parameters
+    return np.asarray(samples.value - p[OFFSET] - p[SLOPE] * samples.time_s, dtype=float)
+
+
+def estimate_of(fit: DecayFit, value: float, gradient: FloatArray, *, low: float = -np.inf) -> Estimate:
+    """Return an estimate by the delta method, with Student's interval for the freedom that is left."""
+    std = float(np.sqrt(max(float(gradient @ fit.covariance @ gradient), 0.0)))
+    half = float(student_t.ppf(0.975, fit.freedom)) * std
+    ends = float(max(value - half, low)), float(max(value + half, low))
+    return Estimate(value=float(max(value, low)), std=std, ci95=ends)
+
+
+def frequency_at(fit: DecayFit, square: float) -> tuple[float, FloatArray]:
+    """Return the undamped frequency at a squared relative amplitude, and its derivatives."""
+    value, jacobian = to_modal(fit.parameters)
+    soft = fit.parameters[SOFTENING]
+    factor = 1 - soft * square - 0.75 * (soft * square) ** 2
+    gradient = jacobian[0] * factor
+    gradient[SOFTENING] -= value[0] * square * (1 + 1.5 * soft * square)
+    return float(value[0]) * factor, gradient
+
+
+def damping_at(fit: DecayFit, relative: float) -> tuple[float, FloatArray]:
+    """Return ζ at a relative amplitude, and its derivatives."""
+    value, jacobian = to_modal(fit.parameters)
+    natural = float(2 * np.pi * value[0])
+    gradient = jacobian[1].copy()
+    gradient[DRAG] += relative / natural
+    gradient[OMEGA] -= fit.parameters[DRAG] * relative / natural**2
+    return float(value[1] + fit.parameters[DRAG] * relative / natural), gradient
