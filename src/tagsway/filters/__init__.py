@@ -3,8 +3,9 @@
 A base layer beside `tagsway.dynamics`: plain arrays and tracks in, splines and clean tracks out.
 """
 
-from tagsway.filters.clean import clean_track, find_track_spikes, fit_tag_splines
+from tagsway.filters.clean import clean_track, find_track_spikes, fit_tag_splines, measure_tag_noise
 from tagsway.filters.medians import median_filter
+from tagsway.filters.noise import measure_noise
 from tagsway.filters.spikes import find_spikes
 from tagsway.filters.spline import SmoothingSpline, fit_smoothing_spline
 
@@ -15,5 +16,7 @@ __all__ = [
     "find_track_spikes",
     "fit_smoothing_spline",
     "fit_tag_splines",
+    "measure_noise",
+    "measure_tag_noise",
     "median_filter",
 ]

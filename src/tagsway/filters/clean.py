@@ -6,6 +6,7 @@ import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.filters.medians import median_filter
+from tagsway.filters.noise import measure_noise
 from tagsway.filters.spikes import find_spikes
 from tagsway.filters.spline import LEAST_SAMPLES, SmoothingSpline, fit_smoothing_spline
 from tagsway.model import BoolArray, CleanTagTrack, CleanTrack, FloatArray, TagTrack, Track
@@ -62,18 +63,32 @@ def find_track_spikes(time_s: FloatArray, tag: TagTrack) -> BoolArray:
     return np.asarray(found[0] | found[1])
 
 
-def fit_tag_splines(time_s: FloatArray, tag: TagTrack, spikes: BoolArray) -> tuple[SmoothingSpline, SmoothingSpline]:
+def fit_tag_splines(
+    time_s: FloatArray, tag: TagTrack, spikes: BoolArray, *, moving: BoolArray | None = None
+) -> tuple[SmoothingSpline, SmoothingSpline]:
     """Fit a smoothing spline to x and one to z, without the spikes; `InputError` where there are too few samples.
 
     Both have the larger of the bandwidths that the two axes ask for: it is one body, and what it does along the quieter
-    axis is as quick.
+    axis is as quick. `moving`, shape (n,), says where the tag moves: then how rough its path is comes from there, and
+    not from the rest before and after, which would make it look smoother and surer than it is.
     """
+    position, noise = np.where(spikes[:, None], np.nan, tag.position), measure_tag_noise(time_s, tag, spikes)
+    channels = [(position[:, axis], noise[:, axis]) for axis in (0, 1)]
+    if moving is None:
+        x, z = (fit_smoothing_spline(time_s, *channel) for channel in channels)
+        if x.bandwidth_hz > z.bandwidth_hz:
+            return x, fit_smoothing_spline(time_s, *channels[1], bandwidth_hz=x.bandwidth_hz)
+        return fit_smoothing_spline(time_s, *channels[0], bandwidth_hz=z.bandwidth_hz), z
+    rough = [fit_smoothing_spline(time_s[moving], values[moving], std[moving]) for values, std in channels]
+    intensity = max(spline.intensity for spline in rough)
+    x, z = (fit_smoothing_spline(time_s, *channel, intensity=intensity) for channel in channels)
+    return x, z
+
+
+def measure_tag_noise(time_s: FloatArray, tag: TagTrack, spikes: BoolArray) -> FloatArray:
+    """Return the noise of a tag's x and z at each sample, shape (n, 2), NaN at spikes and where it was not seen."""
     position = np.where(spikes[:, None], np.nan, tag.position)
-    channels = [(position[:, axis], tag.position_std[:, axis]) for axis in (0, 1)]
-    x, z = (fit_smoothing_spline(time_s, *channel) for channel in channels)
-    if x.bandwidth_hz > z.bandwidth_hz:
-        return x, fit_smoothing_spline(time_s, *channels[1], bandwidth_hz=x.bandwidth_hz)
-    return fit_smoothing_spline(time_s, *channels[0], bandwidth_hz=z.bandwidth_hz), z
+    return np.column_stack([measure_noise(time_s, position[:, axis], tag.position_std[:, axis]) for axis in (0, 1)])
 
 
 def _clean_tag(time_s: FloatArray, tag: TagTrack, spikes: BoolArray, method: str) -> CleanTagTrack:

@@ -130,6 +130,7 @@ def fit_smoothing_spline(
     std: FloatArray | float | None = None,
     *,
     bandwidth_hz: float | None = None,
+    intensity: float | None = None,
 ) -> SmoothingSpline:
     """Fit a smoothing spline to one channel; its bandwidth and the noise are chosen by restricted likelihood.
 
@@ -144,6 +145,8 @@ def fit_smoothing_spline(
         None (or NaN) where nothing is known of it.
     bandwidth_hz : float, optional
         To use, instead of the one that the data choose.
+    intensity : float, optional
+        q, to use instead; the standard errors are then believed as they are.
 
     Returns
     -------
@@ -173,17 +176,21 @@ def fit_smoothing_spline(
     contrasts = Contrasts.of(units)
     level = 1 / math.sqrt(float(np.mean(sigma**-2)))
     data, noise = contrasts.apply(path / level), contrasts.noise((sigma / level) ** 2)
-    fixed = None if bandwidth_hz is None else _memory(bandwidth_hz, step)
-    memory, intensity = _choose(contrasts.process, noise, data, memory=fixed)
-    factor_on_std = math.sqrt(intensity * memory ** (2 * ORDER))
-    smooth = _smooth(contrasts, intensity * level**2, (factor_on_std * sigma) ** 2, path)
+    if intensity is None:
+        fixed = None if bandwidth_hz is None else _memory(bandwidth_hz, step)
+        memory, process = _choose(contrasts.process, noise, data, memory=fixed)
+    else:
+        process = intensity * step**DEGREE / level**2
+        memory = process ** (-1 / (2 * ORDER))
+    factor_on_std = math.sqrt(process * memory ** (2 * ORDER))
+    smooth = _smooth(contrasts, process * level**2, (factor_on_std * sigma) ** 2, path)
     unit_spline = _interpolate(units, smooth)
     knots = np.concatenate([np.repeat(time[0], DEGREE), time, np.repeat(time[-1], DEGREE)])
     return SmoothingSpline(
         time_s=time,
         mean=BSpline(knots, unit_spline.c, DEGREE, extrapolate=False),
         sample_std=factor_on_std * sigma,
-        intensity=intensity * level**2 / step**DEGREE,
+        intensity=process * level**2 / step**DEGREE,
         bandwidth_hz=1 / (2 * math.pi * memory * step),
     )
 

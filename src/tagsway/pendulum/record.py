@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.filters import SmoothingSpline, find_track_spikes, fit_tag_splines
-from tagsway.model import FloatArray, Notice, Track, Window
+from tagsway.filters import SmoothingSpline, find_track_spikes, fit_tag_splines, measure_tag_noise
+from tagsway.model import FloatArray, Notice, TagTrack, Track, Window
 
 DRAWS = 300
 """Draws of the pivot's path, whose scatter is the input's share of the samples' covariance.
@@ -125,6 +125,11 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
         raise _undetermined(f"the tool's tag was seen in {len(seen)} frames only: expected at least {LEAST_SAMPLES}")
     paths = fit_tag_splines(time, tool, left_out)
     start, moved = _start_of_move(seen, paths, window)
+    if moved:
+        speed = np.hypot(*(np.nan_to_num(path(time, 1)) for path in paths))
+        moving = ~left_out & (time >= start) & (speed > MOVING_SHARE * np.max(speed))
+        if np.count_nonzero(moving) >= LEAST_SAMPLES:
+            paths = fit_tag_splines(time, tool, left_out, moving=moving)
     step = min(STEP_RAD / angular_frequency_rad_s, max(2 * float(np.median(np.diff(time))), 0.005))
     last = min(window.end_s, float(seen[-1]))
     end = min(last, start + LONGEST_STEPS * step)
@@ -142,7 +147,7 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
         time_s=time[inside],
         std_stated=bool(np.any(track.pcp.position_std > 0)),
         sway_m=(track.pcp.position - track.tcp.position)[inside],
-        sway_std_m=np.hypot(_usable_std(track.pcp.position_std, LEAST_STD_M, FALLBACK_STD_M), std)[inside],
+        sway_std_m=np.hypot(_noise(time, track.pcp), _noise(time, tool))[inside],
         angle_rad=track.pcp.angle_rad[inside],
         angle_std_rad=_usable_std(track.pcp.angle_std_rad, LEAST_STD_RAD, FALLBACK_STD_RAD)[inside],
         tool_m=path - path.mean(axis=0),
@@ -178,6 +183,16 @@ def _travel(paths: tuple[SmoothingSpline, SmoothingSpline], time_s: FloatArray) 
 def _shortened(start_s: float, end_s: float) -> tuple[Notice]:
     message = f"the pendulum was fitted to {start_s:.2f}:{end_s:.2f} s only: what follows adds little"
     return (Notice(code="pendulum_record_shortened", message=message),)
+
+
+def _noise(time_s: FloatArray, tag: TagTrack) -> FloatArray:
+    """Return a tag's noise at each sample: as its own smoothing shows it, or as stated where there is too little."""
+    stated = _usable_std(tag.position_std, LEAST_STD_M, FALLBACK_STD_M)
+    spikes = find_track_spikes(time_s, tag)
+    if np.count_nonzero(np.isfinite(tag.position).all(axis=1) & ~spikes) < LEAST_SAMPLES:
+        return stated
+    shown = measure_tag_noise(time_s, tag, spikes)
+    return np.where(np.isfinite(shown), np.maximum(shown, LEAST_STD_M), stated)
 
 
 def _usable_std(std: FloatArray, least: float, fallback: float) -> FloatArray:

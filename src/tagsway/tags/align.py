@@ -17,7 +17,8 @@ LEAST_INNER_CORRELATION = 0.7  # ... and .56 and .45 over the inner cells; the t
 LEAST_CONTRAST = 6.0  # grey levels from black to white
 
 _MOST_STEPS = 12
-_LAST_STEP_PX = 0.1  # the refinement takes what is left
+_LAST_STEP_PX = 0.1  # the refinement takes what is left ...
+_REPEATED_STEP_PX = 0.06  # ... twice where that was much
 _SMALLEST_SIDE_PX = 8.0
 _PAD_PX = 10  # of the crop around a predicted tag: what the alignment may move
 _BLURS_PX = tuple(0.25 * 1.3**k for k in range(10))  # of the optics
@@ -121,7 +122,10 @@ class Aligner:
         found = _align_grid(crop.grey, inside, template)
         if found is None:
             return None
-        refined = refine(crop.grey, found, template, motion_px=_scale(travel_px, self._shutter))
+        motion = _scale(travel_px, self._shutter)
+        refined = refine(crop.grey, found, template, motion_px=motion)
+        if refined is not None and refined.step_px > _REPEATED_STEP_PX:
+            refined = refine(crop.grey, refined.homography, template, motion_px=motion)
         return None if refined is None else self._report(crop, refined)
 
     def _make_template(self, scale_px: float, blur_px: float) -> Template:
@@ -143,7 +147,8 @@ class Aligner:
             if shutter is not None:
                 self._lessons += 1
                 self._shutter += (shutter - self._shutter) / self._lessons
-                self._blurred_by_px = math.inf
+                if self._lessons in (1, _SHUTTER_LESSONS):
+                    self._blurred_by_px = math.inf
         if self._template is None or travel < 0.5 * self._blurred_by_px:
             motion = _scale(travel_px, self._shutter)
             self._template = self._make_template(scale_px, self._find_blur(crop.grey, homography, scale_px, motion))
@@ -155,15 +160,17 @@ class Aligner:
     def _find_blur(
         self, grey: Float32Array, homography: FloatArray, scale_px: float, motion_px: tuple[float, float]
     ) -> float:
-        """Return the optics' blur that leaves the least residual, going downhill from a usual one."""
+        """Return the optics' blur that leaves the least residual, going downhill from the last one known."""
         made: dict[int, float] = {}
+        known = _BLURS_PX[_FIRST_BLUR] if self._template is None else self._template.blur_px
 
         def residual(k: int) -> float:
             if k not in made:
                 made[k] = _residual(grey, homography, self._make_template(scale_px, _BLURS_PX[k]), motion_px)
             return made[k]
 
-        best, last = _FIRST_BLUR, len(_BLURS_PX) - 1
+        last = len(_BLURS_PX) - 1
+        best = int(np.argmin(np.abs(np.log(_BLURS_PX) - math.log(known))))
         for direction in (1, -1):
             while 0 <= best + direction <= last and residual(best + direction) < residual(best):
                 best += direction

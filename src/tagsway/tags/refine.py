@@ -9,6 +9,8 @@ import numpy as np
 from tagsway.model import FloatArray
 from tagsway.tags.template import PARAMETERS, Float32Array, Template
 
+_GAIN, _OFFSET, _STEP = 2, 3, [0, 1, 4, 5, 6, 7, 8, 9]  # places in the solution
+
 _ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
 _BLOCKS = 10  # to a side
 _MOTION_STEP_PX = 0.9  # a blur of half a pixel hides steps of this length
@@ -32,6 +34,8 @@ class Refinement:
         Of the residual, in grey levels squared.
     correlation : float
         Of pattern and image.
+    step_px : float
+        How far the centre was moved.
     """
 
     homography: FloatArray
@@ -39,6 +43,7 @@ class Refinement:
     sandwich: FloatArray
     variance: float
     correlation: float
+    step_px: float
 
 
 def refine(
@@ -73,42 +78,39 @@ def refine(
         return None
     left, top, width, height = region
     scale = template.scale_px
-    centre = homography[:2, 2] / homography[2, 2]
-    local = local_jacobian(homography)
-    x = ((np.arange(left, left + width) - centre[0]) / scale).astype(np.float32)
-    y = ((np.arange(top, top + height) - centre[1]) / scale).astype(np.float32)[:, None]
-    design = _linearise(
-        homography, template, region, scale * np.asarray(np.linalg.inv(local), dtype=np.float64), x, y, motion_px
-    )
-    flat = design.reshape(PARAMETERS, -1)
-    seen = (grey[top : top + height, left : left + width] * design[9]).reshape(-1)
+    h = homography / homography[2, 2]
+    local = local_jacobian(h)
+    flat = _linearise(h, template, region, local, motion_px)
+    seen = grey[top : top + height, left : left + width].reshape(-1) * flat[_OFFSET]
     normal = (flat @ flat.T).astype(float)
-    inverse = np.linalg.inv(normal)
+    inverse = _invert(normal)
     sums = (flat @ seen).astype(float)
     solution = inverse @ sums
-    gain, count = solution[8], normal[9, 9]
+    gain, count = solution[_GAIN], normal[_OFFSET, _OFFSET]
     squares = float(seen @ seen)
-    spread = (squares - sums[9] ** 2 / count) * (normal[8, 8] - normal[8, 9] ** 2 / count)
-    if not (gain > 0 and spread > 0 and np.abs(solution[:8]).max() < _LONGEST_STEP * gain):
+    mean = normal[_GAIN, _OFFSET] / count
+    spread = (squares - sums[_OFFSET] ** 2 / count) * (normal[_GAIN, _GAIN] - mean**2 * count)
+    if not (gain > 0 and spread > 0 and np.abs(solution[_STEP]).max() < _LONGEST_STEP * gain):
         return None
     variance = max((squares - float(solution @ sums)) / (count - PARAMETERS), _ROUNDING)
     influence = _functionals(local[:, 0], scale) @ inverse / gain
-    residual = seen - solution.astype(np.float32) @ flat
-    parts = ((influence.astype(np.float32) @ flat) * residual).reshape(3, height, width)
+    parts = influence.astype(np.float32) @ flat
+    parts *= seen - solution.astype(np.float32) @ flat
     return Refinement(
-        homography=_move_back(homography, solution[:8] / gain, centre, scale),
+        homography=_move_back(h, solution[_STEP] / gain, scale),
         plain=variance * influence @ normal @ influence.T,
-        sandwich=_sum_blocks(parts),
+        sandwich=_sum_blocks(parts.reshape(3, height, width)),
         variance=variance,
-        correlation=float((sums[8] - sums[9] * normal[8, 9] / count) / math.sqrt(spread)),
+        step_px=scale * math.hypot(solution[0], solution[1]) / gain,
+        correlation=float((sums[_GAIN] - sums[_OFFSET] * mean) / math.sqrt(spread)),
     )
 
 
 def local_jacobian(homography: FloatArray) -> FloatArray:
     """Return ∂(pixel)/∂(tag's frame) at the tag's centre, shape (2, 2)."""
-    h = homography
-    jacobian: FloatArray = (h[:2, :2] - np.outer(h[:2, 2] / h[2, 2], h[2, :2])) / h[2, 2]
-    return jacobian
+    (a, b, x), (c, d, y), (g, h, w) = homography.tolist()
+    x, y = x / w, y / w
+    return np.array([[(a - x * g) / w, (b - x * h) / w], [(c - y * g) / w, (d - y * h) / w]])
 
 
 def _region(shape: tuple[int, ...], homography: FloatArray, half_width: float) -> tuple[int, int, int, int] | None:
@@ -126,30 +128,26 @@ def _linearise(
     homography: FloatArray,
     template: Template,
     region: tuple[int, int, int, int],
-    to_tag: FloatArray,
-    x: Float32Array,
-    y: Float32Array,
+    local: FloatArray,
     motion_px: tuple[float, float],
 ) -> Float32Array:
-    """Return the derivatives of the grey values by p (8), gain and offset, shape (10, height, width)."""
-    *_, width, height = region
-    view = template.texture_grid @ np.linalg.inv(homography)
-    seen = _expose(template.texture, view, region, motion_px)
-    design = np.empty((PARAMETERS, height, width), np.float32)
-    used = design[9]
-    np.greater(seen[..., 3], 0.999, out=used, casting="unsafe")
-    np.multiply(seen[..., 0], used, out=design[8])
-    rates = np.tensordot(to_tag.T.astype(np.float32), seen[..., 1:3], axes=(1, 2)) * used
-    by_x, by_y = design[2], design[5]
-    by_x[:], by_y[:] = rates
-    np.multiply(by_x, x, out=design[0])
-    np.multiply(by_x, y, out=design[1])
-    np.multiply(by_y, x, out=design[3])
-    np.multiply(by_y, y, out=design[4])
-    inward = design[0] + design[4]
-    np.multiply(inward, -x, out=design[6])
-    np.multiply(inward, -y, out=design[7])
-    return design
+    """Return the derivatives of the grey values by the solution, shape (10, height × width), times their weight."""
+    left, top, width, height = region
+    scale = template.scale_px
+    seen = _expose(template.texture, template.texture_grid @ _invert(homography), region, motion_px)
+    first = np.eye(4, dtype=np.float32)  # of derivatives, pattern and weight: the derivatives turn into the image
+    first[:2, :2] = (scale * _invert(local)).T
+    flat = np.empty((PARAMETERS, height * width), np.float32)
+    np.matmul(first, seen.reshape(-1, 4).T, out=flat[:4])
+    x = ((np.arange(left, left + width) - homography[0, 2]) / scale).astype(np.float32)
+    y = ((np.arange(top, top + height) - homography[1, 2]) / scale).astype(np.float32)[:, None]
+    by_x, by_y, _, _, xx, xy, yx, yy, inward_x, inward_y = flat.reshape(PARAMETERS, height, width)
+    for rate, place, out in ((by_x, x, xx), (by_x, y, xy), (by_y, x, yx), (by_y, y, yy)):
+        np.multiply(rate, place, out=out)
+    inward = xx + yy
+    np.multiply(inward, -x, out=inward_x)
+    np.multiply(inward, -y, out=inward_y)
+    return flat
 
 
 def _expose(
@@ -173,19 +171,27 @@ def _expose(
 def _functionals(along: FloatArray, scale: float) -> FloatArray:
     """Return centre x, centre y and angle as linear functions of the solution, shape (3, 10); signs left out."""
     rows = np.zeros((3, PARAMETERS))
-    rows[0, 2] = rows[1, 5] = scale
+    rows[0, 0] = rows[1, 1] = scale
     dx, dy = along / math.hypot(*along)
-    rows[2, [0, 1, 3, 4]] = [-dx * dy, -dy * dy, dx * dx, dx * dy]
+    rows[2, 4:8] = [-dx * dy, -dy * dy, dx * dx, dx * dy]
     return rows
 
 
-def _move_back(homography: FloatArray, p: FloatArray, centre: FloatArray, scale: float) -> FloatArray:
-    """Return V⁻¹ H, V given about the centre in units of the scale."""
-    to_unit = np.array([[1 / scale, 0, -centre[0] / scale], [0, 1 / scale, -centre[1] / scale], [0, 0, 1.0]])
-    step = np.array([[1 + p[0], p[1], p[2]], [p[3], 1 + p[4], p[5]], [p[6], p[7], 1.0]])
-    moved = np.linalg.solve(to_unit, np.linalg.solve(step, to_unit @ homography))
-    moved /= moved[2, 2]
-    return np.asarray(moved, dtype=np.float64)
+def _move_back(homography: FloatArray, step: FloatArray, scale: float) -> FloatArray:
+    """Return V⁻¹ H to third order in the step, V given about the tag's centre in units of the scale."""
+    x, y = homography[:2, 2]
+    dx, dy, xx, xy, yx, yy, px, py = step
+    to_unit = np.array([[1 / scale, 0, -x / scale], [0, 1 / scale, -y / scale], [0, 0, 1.0]])
+    to_pixel = np.array([[scale, 0, x], [0, scale, y], [0, 0, 1.0]])
+    move = to_pixel @ np.array([[xx, xy, dx], [yx, yy, dy], [px, py, 0.0]]) @ to_unit
+    back = move @ homography
+    moved = homography - back + move @ back
+    return np.asarray(moved / moved[2, 2], dtype=np.float64)
+
+
+def _invert(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of a small matrix, five times as fast as numpy's."""
+    return np.asarray(cv2.invert(matrix)[1], dtype=np.float64)
 
 
 def _sum_blocks(parts: Float32Array) -> FloatArray:

@@ -11,8 +11,8 @@ from tagsway.tags.families import tag_family, tag_pattern, used_cells
 
 PARAMETERS = 10  # eight of the homography, gain, offset
 
-_SAMPLES_PER_PX = 1.1
-_FEWEST_SAMPLES, _MOST_SAMPLES = 24, 96
+_SAMPLES_PER_PX = 1.0
+_FEWEST_SAMPLES, _MOST_SAMPLES = 24, 80
 _TEXELS_PER_PX = 3.0  # a blur of 0.6 px is then two texels wide, and bilinear sampling of it is exact enough
 _MOST_TEXELS = 640
 
@@ -42,7 +42,8 @@ class Template:
     inner_pattern : ndarray of float32, shape (k, k)
         The pattern there, of zero mean and unit length.
     texture : ndarray of float32, shape (m, m, 4)
-        Pattern, its derivatives by x and y of the tag's frame, and 1 where the family prints something.
+        Derivatives of the pattern by x and y of the tag's frame, the pattern, and 1, where the family prints
+        something; 0 elsewhere and outside: so the last one is the others' weight, however they are interpolated.
     texture_grid : ndarray, shape (3, 3)
         Takes the tag's own frame to (column, row) of the texture.
     scale_px, blur_px : float
@@ -106,7 +107,8 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     core = pattern[inside, inside] - pattern[inside, inside].mean()
     step = at[1] - at[0]
     texels = int(min(np.ceil(width_px * _TEXELS_PER_PX), _MOST_TEXELS))
-    *planes, _ = _draw(family, tag_id, half_width, texels, blur, pixel)
+    fine, fine_x, fine_y, printed, _ = _draw(family, tag_id, half_width, texels, blur, pixel)
+    texture = np.stack([fine_x, fine_y, fine, np.ones_like(fine)], axis=-1) * printed[..., None]
     to_texel, middle = texels / (2 * half_width), (texels - 1) / 2
     return Template(
         samples=samples,
@@ -117,7 +119,7 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
         used=used.astype(np.float32).ravel(),
         inner=inside,
         inner_pattern=(core / np.linalg.norm(core)).astype(np.float32),
-        texture=np.stack(planes, axis=-1).astype(np.float32),
+        texture=texture.astype(np.float32),
         texture_grid=np.array([[to_texel, 0, middle], [0, -to_texel, middle], [0, 0, 1.0]]),
         scale_px=scale_px,
         blur_px=blur_px,

@@ -21,6 +21,7 @@ from tagsway.model import (
 from tagsway.tracks.depth import find_depth_sway
 from tagsway.tracks.scale import measure_scale
 from tagsway.tracks.shake import Shake, measure_shake, unwrap
+from tagsway.tracks.tilt import Tilt, measure_tilt
 
 FEW = 0.9
 """Share of frames below which a tag counts as badly seen."""
@@ -31,8 +32,13 @@ class _Picture:
     """How pixels become the track's coordinates."""
 
     principal_px: FloatArray
+    tilt: Tilt
     up_rad: float
     shake: Shake | None
+
+    def enlargement(self, tag: TagSightings) -> FloatArray:
+        """Return how much larger a tag looks in each frame than at the principal point, shape (n,)."""
+        return self.tilt.enlargement(tag.centre_px - self.principal_px)
 
     def place(self, tag: TagSightings, scale: float) -> tuple[FloatArray, FloatArray]:
         """Return positions from the principal point, and their standard errors, shape (n, 2), times the scale."""
@@ -42,8 +48,9 @@ class _Picture:
             point, std = self.shake.remove(point, std)
         cosine, sine = math.cos(self.up_rad), math.sin(self.up_rad)
         turn = np.array([[cosine, sine], [-sine, cosine]])
-        middle = self.principal_px * np.array([1.0, -1.0])
-        return (point - middle) @ turn.T * scale, np.sqrt(std**2 @ (turn**2).T) * scale
+        offset = point - self.principal_px * np.array([1.0, -1.0])
+        nearness = self.tilt.nearness(offset * np.array([1.0, -1.0]))[:, None]
+        return (offset / nearness) @ turn.T * scale, np.sqrt(std**2 @ (turn**2).T) * scale
 
     def direct(self, tag: TagSightings) -> tuple[FloatArray, FloatArray]:
         """Return the tag's unwrapped angle in the track's axes, and its standard error, shape (n,)."""
@@ -81,8 +88,9 @@ def join_tags(
     Notes
     -----
     A point of the plane at depth Z is at X = (u - c) Z / f, and Z / f is that plane's scale: so each tag's pixels,
-    counted from the principal point, times its own scale, and the two may be subtracted. Where only one tag's size is
-    given, its scale serves for both. An error of a scale is the same in every frame: it is not in `position_std`.
+    counted from the principal point, times its own scale, and the two may be subtracted. A plane that is tilted
+    against the image has another depth at each point; the tags' sizes along their way tell the tilt. Where only one
+    tag's size is given, its scale serves for both. An error of a scale is the same in every frame: it is not in `position_std`.
 
     `--up DEG` is the angle, counter-clockwise as one looks at the image, from the image's up to the true one;
     "reference" takes the mean direction of the reference tag's own up.
@@ -93,10 +101,12 @@ def join_tags(
     up, up_source, notices = _find_up(settings, reference)
     width, height = sightings.video.width, sightings.video.height
     centre = ((width - 1) / 2, (height - 1) / 2) if camera is None else (camera.cx, camera.cy)
-    picture = _Picture(principal_px=np.array(centre), up_rad=up, shake=shake)
-    scales, unit, scale_notices = _find_scales(tcp, pcp, settings)
-
+    focal = float(width) if camera is None else camera.fx
     tags = {name: tag for name, tag in (("tcp", tcp), ("pcp", pcp)) if tag is not None}
+    tilt = measure_tilt(tuple(tags.values()), np.array(centre), focal_px=focal)
+    picture = _Picture(principal_px=np.array(centre), tilt=tilt, up_rad=up, shake=shake)
+    scales, unit, scale_notices = _find_scales(tcp, pcp, settings, picture)
+
     tracks = {name: _track_tag(tag, picture, scales[name], unit) for name, tag in tags.items()}
     origin = next((_first(track.position) for track in tracks.values()), np.zeros(2))
     tracks = {name: replace(track, position=track.position - origin) for name, track in tracks.items()}
@@ -145,14 +155,14 @@ def _find_up(settings: Settings, reference: TagSightings | None) -> tuple[float,
 
 
 def _find_scales(
-    tcp: TagSightings | None, pcp: TagSightings | None, settings: Settings
+    tcp: TagSightings | None, pcp: TagSightings | None, settings: Settings, picture: _Picture
 ) -> tuple[dict[str, Estimate | None], Literal["m", "px"], tuple[Notice, ...]]:
     """Return each tag's scale in mm per pixel; one that is not known is taken from the other."""
     sizes = {"tcp": (tcp, settings.tcp_tag_size_m), "pcp": (pcp, settings.pcp_tag_size_m)}
     found: dict[str, Estimate | None] = {"tcp": None, "pcp": None}
     for name, (tag, size) in sizes.items():
         if tag is not None and size is not None:
-            found[name] = measure_scale(tag, size)
+            found[name] = measure_scale(tag, size, enlargement=picture.enlargement(tag))
     known = [name for name in found if found[name] is not None]
     if not known:
         message = "without --tag-size nothing is known in mm: frequency and damping are found, lengths are not"

@@ -17,8 +17,8 @@ def side_lengths(tag: TagSightings) -> FloatArray:
     return np.stack([(sides[:, 0] + sides[:, 2]) / 2, (sides[:, 1] + sides[:, 3]) / 2], axis=1)
 
 
-def measure_scale(tag: TagSightings, size_m: float) -> Estimate:
-    """Return the scale of the plane in which a tag moves, in mm per pixel.
+def measure_scale(tag: TagSightings, size_m: float, *, enlargement: FloatArray | float = 1.0) -> Estimate:
+    """Return the scale of the plane in which a tag moves at the principal point, in mm per pixel.
 
     Parameters
     ----------
@@ -26,6 +26,8 @@ def measure_scale(tag: TagSightings, size_m: float) -> Estimate:
         Seen at least once.
     size_m : float
         Side of its black square, in metres.
+    enlargement : ndarray, shape (n,), or float
+        How much larger the tag looks in each frame than it would at the principal point, where the plane is tilted.
 
     Returns
     -------
@@ -40,7 +42,7 @@ def measure_scale(tag: TagSightings, size_m: float) -> Estimate:
     sides across its axis by its cosine and leaves those along it. Each tag has its own scale, since tags at different
     depths have different ones.
     """
-    sides = side_lengths(tag)
+    sides = side_lengths(tag) / np.reshape(enlargement, (-1, 1))
     sides = sides[np.isfinite(sides).all(axis=1)]
     typical = np.median(sides, axis=0)
     longer = int(np.argmax(typical))
