@@ -92,8 +92,8 @@ def _estimators_disagree(modal: ModalEstimate) -> list[Notice]:
             hints.append(
                 Notice(
                     code="estimators_disagree",
-                    message=f"{name} gives {estimate.value:.3f} Hz, the fit of the samples {best.value:.3f} Hz: look at "
-                    "the decay's figure for a beat, a second mode, or a window that is not a free decay",
+                    message=f"{name} gives {estimate.value:.3f} Hz, the fit of the samples {best.value:.3f} Hz: look "
+                    "at the decay's figure for a beat, a second mode, or a window that is not a free decay",
                 )
             )
     return hints

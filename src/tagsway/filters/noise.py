@@ -31,9 +31,9 @@ def measure_noise(time_s: FloatArray, values: FloatArray, std: FloatArray) -> Fl
 
     Notes
     -----
-    A compressed video is the reason: where nothing moves a block is copied and its noise is frozen, where a tag moves it
-    is ten times as large, and the alignment of one image cannot see that. The residual of a sample that took part in the
-    smoothing is too small by √(1 - h), h its leverage: the posterior's variance over the noise's.
+    A compressed video is the reason: where nothing moves a block is copied and its noise is frozen, where a tag moves
+    it is ten times as large, and the alignment of one image cannot see that. The residual of a sample that took part in
+    the smoothing is too small by √(1 - h), h its leverage: the posterior's variance over the noise's.
     """
     spline = fit_smoothing_spline(time_s, values, std)
     used = np.isfinite(values) & np.isfinite(time_s)

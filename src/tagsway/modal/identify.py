@@ -86,7 +86,7 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     """
     check_window(window, track.time_s)
     sway = measure_sway(track, window, sway_axis=sway_axis)
-    samples = Samples(time_s=sway.time_s - window.start_s, value=sway.value, spread=sway.spread)
+    samples = Samples(time_s=sway.time_s - window.start_s, value=sway.value, spread=sway.spread, stated=sway.stated_std)
     fit = fit_sway(sway, samples, in_metres=track.length_unit == "m")
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
     peaks = find_peaks(samples.time_s, centre(samples, fit), 2 * np.pi / fit.parameters[OMEGA])

@@ -24,6 +24,8 @@ class Sway:
         Way along the path in the track's length unit; its zero is arbitrary.
     spread : ndarray, shape (n,)
         Standard error of each sample over that of the median one.
+    stated_std : float
+        Standard error of the median sample as the track states it, in the track's length unit; 0 where it states none.
     curvature : float
         Of the path, in 1 / length unit; 0 where it is straight within the errors. The value is then the projection on
         the main axis, else the arc's length.
@@ -38,6 +40,7 @@ class Sway:
     time_s: FloatArray
     value: FloatArray
     spread: FloatArray
+    stated_std: float
     curvature: float
     curvature_std: float
     planar: bool
@@ -111,7 +114,9 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     seen = np.all(np.isfinite(points), axis=1) & np.isfinite(time)
     points, std, time = points[seen], std[seen], time[seen]
     if len(time) == 0:
-        return Sway(time_s=time, value=time, spread=time, curvature=0, curvature_std=0, planar=planar, axis_rad=0)
+        return Sway(
+            time_s=time, value=time, spread=time, stated_std=0, curvature=0, curvature_std=0, planar=planar, axis_rad=0
+        )
     clean = np.column_stack([remove_spikes(c) for c in points.T])
     steady = np.all(clean == points, axis=1)
     centre, axis = _main_axis(points[steady]) if planar else (np.median(points, axis=0), 0.0)
@@ -121,11 +126,13 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     along = (points - centre) @ direction
     across = (points - centre) @ np.array([-direction[1], direction[0]])
     planar = planar and arc
+    stated = np.hypot(*(std * direction).T)
     value, curvature, curvature_std = _way_along_arc(along, across, steady) if planar else (along, 0.0, 0.0)
     return Sway(
         time_s=time,
         value=value,
-        spread=_spread(np.hypot(*(std * direction).T)),
+        spread=_spread(stated),
+        stated_std=float(np.median(stated)) if np.all(np.isfinite(stated)) else 0.0,
         curvature=curvature,
         curvature_std=curvature_std,
         planar=planar,

@@ -17,7 +17,6 @@ from tagsway.model import (
     Curves,
     DesignMode,
     FloatArray,
-    ModalEstimate,
     Move,
     Notice,
     ResidualCurve,
@@ -28,7 +27,6 @@ from tagsway.model import (
     Spread,
     Track,
     TrackCurve,
-    TrajectoryCurve,
     Window,
 )
 from tagsway.pendulum import PendulumFit, fit_pendulum

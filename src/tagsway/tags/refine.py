@@ -73,7 +73,7 @@ def refine(
     compared with the pattern at its own place; linear in (a p, a, b). The pixels' noise is independent, hence the
     covariance of p is σ² (JᵀJ)⁻¹ / a². Not for a first alignment: one step reaches only as far as a blur.
     """
-    region = _region(grey.shape, homography, template.half_width)
+    region = _region(grey.shape, homography, template.texture_half_width)
     if region is None:
         return None
     left, top, width, height = region
@@ -139,6 +139,8 @@ def _linearise(
     first[:2, :2] = (scale * _invert(local)).T
     flat = np.empty((PARAMETERS, height * width), np.float32)
     np.matmul(first, seen.reshape(-1, 4).T, out=flat[:4])
+    if motion_px != (0.0, 0.0):
+        flat[:4] *= flat[_OFFSET] > 0.999  # what the edge of the known part swept over is not known
     x = ((np.arange(left, left + width) - homography[0, 2]) / scale).astype(np.float32)
     y = ((np.arange(top, top + height) - homography[1, 2]) / scale).astype(np.float32)[:, None]
     by_x, by_y, _, _, xx, xy, yx, yy, inward_x, inward_y = flat.reshape(PARAMETERS, height, width)

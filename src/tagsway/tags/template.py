@@ -15,6 +15,7 @@ _SAMPLES_PER_PX = 1.0
 _FEWEST_SAMPLES, _MOST_SAMPLES = 24, 80
 _TEXELS_PER_PX = 3.0  # a blur of 0.6 px is then two texels wide, and bilinear sampling of it is exact enough
 _MOST_TEXELS = 640
+_PAPER_CELLS = 0.75  # of the white cell around the square
 
 Float32Array = NDArray[np.float32]
 
@@ -28,7 +29,7 @@ class Template:
     samples : int
         Of the grid, to a side.
     half_width : float
-        Of grid and texture, in the tag's own frame (the border square is ±1).
+        Of the grid, in the tag's own frame (the border square is ±1).
     grid : ndarray, shape (3, 3)
         Takes (column, row) of a sample to the tag's own frame.
     solver : ndarray of float32, shape (10, samples²)
@@ -44,6 +45,8 @@ class Template:
     texture : ndarray of float32, shape (m, m, 4)
         Derivatives of the pattern by x and y of the tag's frame, the pattern, and 1, where the family prints
         something; 0 elsewhere and outside: so the last one is the others' weight, however they are interpolated.
+    texture_half_width : float
+        Of the texture; a little more than the grid's, for what moves while it is exposed.
     texture_grid : ndarray, shape (3, 3)
         Takes the tag's own frame to (column, row) of the texture.
     scale_px, blur_px : float
@@ -59,6 +62,7 @@ class Template:
     inner: slice
     inner_pattern: Float32Array
     texture: Float32Array
+    texture_half_width: float
     texture_grid: FloatArray
     scale_px: float
     blur_px: float
@@ -106,10 +110,11 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     inside = slice(int(inner[0]), int(inner[-1]) + 1)
     core = pattern[inside, inside] - pattern[inside, inside].mean()
     step = at[1] - at[0]
-    texels = int(min(np.ceil(width_px * _TEXELS_PER_PX), _MOST_TEXELS))
-    fine, fine_x, fine_y, printed, _ = _draw(family, tag_id, half_width, texels, blur, pixel)
+    reach = max(half_width, 1 + _PAPER_CELLS * cell) if layout.cells == layout.border_cells + 2 else half_width
+    texels = int(min(np.ceil(2 * reach * scale_px * _TEXELS_PER_PX), _MOST_TEXELS))
+    fine, fine_x, fine_y, printed, _ = _draw(family, tag_id, reach, texels, blur, pixel)
     texture = np.stack([fine_x, fine_y, fine, np.ones_like(fine)], axis=-1) * printed[..., None]
-    to_texel, middle = texels / (2 * half_width), (texels - 1) / 2
+    to_texel, middle = texels / (2 * reach), (texels - 1) / 2
     return Template(
         samples=samples,
         half_width=half_width,
@@ -120,6 +125,7 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
         inner=inside,
         inner_pattern=(core / np.linalg.norm(core)).astype(np.float32),
         texture=texture.astype(np.float32),
+        texture_half_width=reach,
         texture_grid=np.array([[to_texel, 0, middle], [0, -to_texel, middle], [0, 0, 1.0]]),
         scale_px=scale_px,
         blur_px=blur_px,
@@ -145,7 +151,7 @@ def _half_width(cells: int, border_cells: int, cell: float, blur: float) -> floa
     """Return how far the pattern is known: three blurs over the edge, but never near what lies around the paper."""
     if cells > border_cells + 2:
         return (cells / border_cells) - 0.25 * cell
-    return 1 + float(np.clip(3 * blur, 0.3 * cell, 0.8 * cell))
+    return 1 + float(np.clip(3 * blur, 0.3 * cell, _PAPER_CELLS * cell))
 
 
 def _cell_weights(at: FloatArray, edges: FloatArray, blur: float, pixel: float) -> tuple[FloatArray, FloatArray]:

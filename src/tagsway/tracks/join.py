@@ -90,7 +90,8 @@ def join_tags(
     A point of the plane at depth Z is at X = (u - c) Z / f, and Z / f is that plane's scale: so each tag's pixels,
     counted from the principal point, times its own scale, and the two may be subtracted. A plane that is tilted
     against the image has another depth at each point; the tags' sizes along their way tell the tilt. Where only one
-    tag's size is given, its scale serves for both. An error of a scale is the same in every frame: it is not in `position_std`.
+    tag's size is given, its scale serves for both. An error of a scale is the same in every frame: it is not in
+    `position_std`.
 
     `--up DEG` is the angle, counter-clockwise as one looks at the image, from the image's up to the true one;
     "reference" takes the mean direction of the reference tag's own up.

@@ -88,7 +88,7 @@ def _solve(
     variance = float(np.average((values - design @ free) ** 2, weights=weight)) * FRAMES_PER_SAMPLE
     information = (design.T * weight) @ design / max(variance, 1e-16)
     information[[0, 1], [0, 1]] += 1 / prior**2
-    covariance: FloatArray = np.linalg.pinv(information)
+    covariance = np.asarray(np.linalg.pinv(information), dtype=float)
     solution: FloatArray = covariance @ (design.T @ (weight * values)) / max(variance, 1e-16)
     residual: FloatArray = values - design @ solution
     return solution, covariance, residual
