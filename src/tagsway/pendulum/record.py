@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from tagsway.errors import NotIdentifiableError
 from tagsway.filters import SmoothingSpline, find_track_spikes, fit_tag_splines, measure_tag_noise
@@ -31,6 +32,9 @@ MOVING_SHARE = 0.05
 
 LEAD_IN_S, STANDSTILL_S = 0.1, 0.3
 """Rest before the move that is fitted with it; a stop longer than the second separates two moves."""
+
+CODEC_MEMORY_S = 0.1
+"""How long a codec keeps to one error of a moving block: H.264's errors wander over 20 to 100 frames at 200 fps."""
 
 LEAST_STD_M, LEAST_STD_RAD = 1e-5, 2e-4
 """No tag is measured better than this; a simulated track without noise would otherwise be judged by its rounding."""
@@ -153,7 +157,8 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
         tool_m=path - path.mean(axis=0),
         nodes_s=nodes,
         velocity_m_s=np.column_stack([p(halves, 1) for p in paths]),
-        velocity_draws_m_s=np.stack([p.draw(rng, DRAWS)(halves, 1) for p in paths], axis=1),
+        velocity_draws_m_s=np.stack([p.draw(rng, DRAWS)(halves, 1) for p in paths], axis=1)
+        + _draw_codec_drag(time, tool, halves, rng),
         moved=moved,
         lift_m=float(np.ptp(path[:, 1])) if moved else 0.0,
         notices=_shortened(start, end) if end < last else (),
@@ -183,6 +188,21 @@ def _travel(paths: tuple[SmoothingSpline, SmoothingSpline], time_s: FloatArray) 
 def _shortened(start_s: float, end_s: float) -> tuple[Notice]:
     message = f"the pendulum was fitted to {start_s:.2f}:{end_s:.2f} s only: what follows adds little"
     return (Notice(code="pendulum_record_shortened", message=message),)
+
+
+def _draw_codec_drag(time_s: FloatArray, tool: TagTrack, halves_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return draws of the velocity by which a codec may have dragged the tool's tag, shape (2 k - 1, 2, draws).
+
+    As large as the noise beyond the stated one, and as slow as a codec changes its mind; nothing for raw video.
+    """
+    noise, stated = _noise(time_s, tool), np.where(np.isfinite(tool.position_std), tool.position_std, 0.0)
+    known = np.any(np.isfinite(tool.position_std) & (tool.position_std > 0))
+    excess = np.sqrt(np.maximum(noise**2 - stated**2, 0.0)) if known else np.zeros_like(noise)
+    knots = np.arange(halves_s[0], halves_s[-1] + 2 * CODEC_MEMORY_S, CODEC_MEMORY_S)
+    wander = make_interp_spline(knots, rng.normal(size=(len(knots), 2, DRAWS)), k=3)(halves_s)
+    size = np.column_stack([np.interp(halves_s, time_s, column) for column in excess.T])
+    drag: FloatArray = np.gradient(wander * size[:, :, None], halves_s, axis=0)
+    return drag
 
 
 def _noise(time_s: FloatArray, tag: TagTrack) -> FloatArray:

@@ -29,6 +29,8 @@ _SHUTTER_LESSONS = 4
 _RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
+_BLOCKS_EVERY = 4  # frames, after that
+_ODD_VARIANCE = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,7 @@ class Aligner:
         self._shutter = 0.0
         self._lessons = 0
         self._log_ratio = np.zeros(3)
+        self._variance = 0.0
         self._measured = 0
 
     def align(
@@ -123,9 +126,9 @@ class Aligner:
         if found is None:
             return None
         motion = _scale(travel_px, self._shutter)
-        refined = refine(crop.grey, found, template, motion_px=motion)
-        if refined is not None and refined.step_px > _REPEATED_STEP_PX:
-            refined = refine(crop.grey, refined.homography, template, motion_px=motion)
+        refined = refine(crop.grey, found, template, motion_px=motion, with_blocks=self._wants_blocks())
+        if refined is not None and (refined.step_px > _REPEATED_STEP_PX or self._is_odd(refined)):
+            refined = refine(crop.grey, refined.homography, template, motion_px=motion, with_blocks=True)
         return None if refined is None else self._report(crop, refined)
 
     def _make_template(self, scale_px: float, blur_px: float) -> Template:
@@ -149,7 +152,8 @@ class Aligner:
                 self._shutter += (shutter - self._shutter) / self._lessons
                 if self._lessons in (1, _SHUTTER_LESSONS):
                     self._blurred_by_px = math.inf
-        if self._template is None or travel < 0.5 * self._blurred_by_px:
+        sharper = self._blurred_by_px > _RESTING_TRAVEL_PX and travel < 0.5 * self._blurred_by_px
+        if self._template is None or sharper:
             motion = _scale(travel_px, self._shutter)
             self._template = self._make_template(scale_px, self._find_blur(crop.grey, homography, scale_px, motion))
             known = travel if self._lessons == 0 else _RESTING_TRAVEL_PX
@@ -191,15 +195,27 @@ class Aligner:
             correlation=refined.correlation,
         )
 
+    def _wants_blocks(self) -> bool:
+        return self._measured < _MEMORY or self._measured % _BLOCKS_EVERY == 0
+
+    def _is_odd(self, refined: Refinement) -> bool:
+        """Tell whether the image differs from the pattern by more than it usually does: its noise is then no one's."""
+        return refined.sandwich is None and refined.variance > _ODD_VARIANCE * self._variance
+
     def _steady(self, refined: Refinement) -> FloatArray:
         """Return the covariance: the plain one, scaled by its running ratio to the one that sees correlated noise.
 
         One frame's ratio is known to a fifth only; where it jumps (a hand over the tag) it counts at once.
         """
-        ratio = np.log(np.maximum(np.diag(refined.sandwich), 1e-30) / np.diag(refined.plain))
         self._measured += 1
-        self._log_ratio += (ratio - self._log_ratio) / min(self._measured, _MEMORY)
-        factor = np.exp(np.maximum(self._log_ratio, ratio - 1.0) / 2)
+        weight = 1 / min(self._measured, _MEMORY)
+        self._variance += (refined.variance - self._variance) * weight
+        log_factor = self._log_ratio
+        if refined.sandwich is not None:
+            ratio = np.log(np.maximum(np.diag(refined.sandwich), 1e-30) / np.diag(refined.plain))
+            self._log_ratio = self._log_ratio + (ratio - self._log_ratio) * weight
+            log_factor = np.maximum(self._log_ratio, ratio - 1.0)
+        factor = np.exp(log_factor / 2)
         covariance: FloatArray = refined.plain * np.outer(factor, factor)
         return covariance
 

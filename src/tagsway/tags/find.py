@@ -128,8 +128,8 @@ def _finder(family: str) -> TagFinder:
 
 @cache
 def _load_detector() -> tuple[Any, Any]:
-    """Return the detector's class, and a function that shows its C struct: pupil's, else the maintained fork's."""
-    for name in ("pupil_apriltags", "pyapriltags"):
+    """Return the detector's class, and a function that shows its C struct: the maintained fork's, else pupil's."""
+    for name in ("pyapriltags", "pupil_apriltags"):
         try:
             module = importlib.import_module(name)
         except (ImportError, OSError):

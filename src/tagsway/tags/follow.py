@@ -82,7 +82,7 @@ def follow_tags(frames: Iterable[Frame], *, family: str, tag_ids: Sequence[int])
             time.append(np.array([frame.time_s]))
             found = [follower.follow(frame) for follower in followers]
             if any(follower.is_due for follower in followers):
-                seen = search.whole(frame.grey)
+                seen = search.whole(frame.grey, {follower.tag_id for follower in followers if not follower.is_held})
                 found = [
                     follower.adopt(frame, seen) if sighting is None else sighting
                     for follower, sighting in zip(followers, found, strict=True)
@@ -104,11 +104,19 @@ class _Search:
     def __init__(self, family: str) -> None:
         self.family = family
         self.calls = 0
+        self._thorough = True
 
-    def whole(self, grey: GreyArray) -> tuple[Detection, ...]:
-        """Return the tags in the whole image; every other time thinned, as that is four times as fast."""
+    def whole(self, grey: GreyArray, wanted: set[int]) -> tuple[Detection, ...]:
+        """Return the tags in the whole image, seen thinned; in all its pixels every other time one is missing."""
         self.calls += 1
-        return find_tags(grey, family=self.family, decimate=1.0 if self.calls % 2 else 2.0)
+        seen = find_tags(grey, family=self.family, decimate=2.0)
+        if wanted <= {tag.tag_id for tag in seen}:
+            return seen
+        if self._thorough:
+            self.calls += 1
+            seen = find_tags(grey, family=self.family)
+        self._thorough = not self._thorough
+        return seen
 
     def near(self, grey: GreyArray, corners_px: FloatArray) -> tuple[Detection, ...]:
         self.calls += 1
@@ -120,7 +128,7 @@ class _Follower:
 
     def __init__(self, search: _Search, tag_id: int, *, delay: int) -> None:
         self._search = search
-        self._tag_id = tag_id
+        self.tag_id = tag_id
         self._aligner = Aligner(search.family, tag_id)
         self._poses: list[tuple[float, FloatArray]] = []
         self._interval_s = 0.0
@@ -132,6 +140,11 @@ class _Follower:
         self.notices: list[Notice] = []
         self.was_seen = False
         self.is_due = True
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the tag was seen in this frame."""
+        return self._lost == 0 and self.was_seen
 
     def follow(self, frame: Frame) -> Sighting | None:
         """Return the tag where it is expected, and say in `is_due` whether it is to be looked for everywhere."""
@@ -150,11 +163,11 @@ class _Follower:
 
     def adopt(self, frame: Frame, seen: tuple[Detection, ...]) -> Sighting | None:
         """Return the tag where the detector saw it."""
-        mine = [tag for tag in seen if tag.tag_id == self._tag_id]
+        mine = [tag for tag in seen if tag.tag_id == self.tag_id]
         if not self._poses and len(mine) > 1:
             mine.sort(key=lambda tag: -_side_px(tag.corners_px))
             self._decoys = [tag.corners_px.mean(axis=0) for tag in mine[1:]]
-            words = f"tag {self._tag_id} is in the image {len(mine)} times: the largest was followed"
+            words = f"tag {self.tag_id} is in the image {len(mine)} times: the largest was followed"
             self.notices.append(Notice(code="ambiguous_tag", message=words))
             mine = mine[:1]
         return self._choose(frame, mine)
@@ -171,7 +184,7 @@ class _Follower:
         """Return all results."""
         rows = self._rows.join()
         return TagSightings(
-            tag_id=self._tag_id,
+            tag_id=self.tag_id,
             correlation=rows[:, 0].copy(),
             centre_px=rows[:, 1:3].copy(),
             covariance_px2=rows[:, 3:7].reshape(-1, 2, 2),
@@ -200,7 +213,7 @@ class _Follower:
                 for tag in self._search.near(frame.grey, sighting.corners_px)
                 if np.hypot(*(tag.corners_px.mean(axis=0) - place)) < _SAME_PLACE * side
             ]
-            if there and self._tag_id not in there:
+            if there and self.tag_id not in there:
                 self._poses.clear()
                 return self._miss()
         return self._keep(frame, sighting)
@@ -210,7 +223,7 @@ class _Follower:
         mine = [
             tag
             for tag in seen
-            if tag.tag_id == self._tag_id and self._is_plausible(tag.corners_px, frame.time_s) and self._is_mine(tag)
+            if tag.tag_id == self.tag_id and self._is_plausible(tag.corners_px, frame.time_s) and self._is_mine(tag)
         ]
         if self._poses:
             last = self._poses[-1][1][:2, 2]

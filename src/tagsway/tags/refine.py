@@ -28,7 +28,7 @@ class Refinement:
         Takes the tag's frame to the pixels of the image that was given.
     plain : ndarray, shape (3, 3)
         Covariance of (centre x, centre y in px, angle in rad) for white noise of the residual's size.
-    sandwich : ndarray, shape (3, 3)
+    sandwich : ndarray, shape (3, 3), or None
         The same from the residual's sums over blocks: whatever the noise's correlation, but uncertain itself.
     variance : float
         Of the residual, in grey levels squared.
@@ -40,14 +40,19 @@ class Refinement:
 
     homography: FloatArray
     plain: FloatArray
-    sandwich: FloatArray
+    sandwich: FloatArray | None
     variance: float
     correlation: float
     step_px: float
 
 
 def refine(
-    grey: Float32Array, homography: FloatArray, template: Template, *, motion_px: tuple[float, float] = (0.0, 0.0)
+    grey: Float32Array,
+    homography: FloatArray,
+    template: Template,
+    *,
+    motion_px: tuple[float, float] = (0.0, 0.0),
+    with_blocks: bool = False,
 ) -> Refinement | None:
     """Return the pose after one Gauss-Newton step in the image's frame.
 
@@ -61,6 +66,8 @@ def refine(
         Of this size and sharpness.
     motion_px : tuple of float
         How far the tag moves, right and down, while the image is exposed.
+    with_blocks : bool
+        Also the sandwich, for a fifth more time.
 
     Returns
     -------
@@ -94,12 +101,15 @@ def refine(
         return None
     variance = max((squares - float(solution @ sums)) / (count - PARAMETERS), _ROUNDING)
     influence = _functionals(local[:, 0], scale) @ inverse / gain
-    parts = influence.astype(np.float32) @ flat
-    parts *= seen - solution.astype(np.float32) @ flat
+    sandwich = None
+    if with_blocks:
+        parts = influence.astype(np.float32) @ flat
+        parts *= seen - solution.astype(np.float32) @ flat
+        sandwich = _sum_blocks(parts.reshape(3, height, width))
     return Refinement(
         homography=_move_back(h, solution[_STEP] / gain, scale),
         plain=variance * influence @ normal @ influence.T,
-        sandwich=_sum_blocks(parts.reshape(3, height, width)),
+        sandwich=sandwich,
         variance=variance,
         step_px=scale * math.hypot(solution[0], solution[1]) / gain,
         correlation=float((sums[_GAIN] - sums[_OFFSET] * mean) / math.sqrt(spread)),
