@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test check bench samples clean
+.PHONY: demo test check bench samples pictures clean
 
 demo: $(VENV)/installed  ## set up, then identify the sample: the main job
 	$(BIN)/identify sample_data/flexible.mp4 --tag-size 30 --mass 225 --move sample_data/move.toml
@@ -24,6 +24,10 @@ bench: $(VENV)/installed-for-tests  ## every benchmark: each prints its ratios
 
 samples: $(VENV)/installed  ## make the sample videos again from their scenes
 	for scene in flexible stiff released bag; do $(BIN)/identify render sample_data/$$scene.toml || exit 1; done
+
+pictures: $(VENV)/installed  ## the README's pictures, made by the program itself
+	$(BIN)/identify sample_data/flexible.mp4 --tag-size 30 --mass 225 --move sample_data/move.toml --quiet
+	cp $(addprefix flexible-identify/figures/,decay.png pendulum.png residual.png trajectory.png) docs/pictures/
 
 clean:
 	rm -rf $(VENV) build *-identify

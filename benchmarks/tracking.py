@@ -38,7 +38,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for codec, suffix in (("h264", ".mp4"), ("mjpeg", ".avi")):
             path = Path(folder) / f"clip{suffix}"
-            write_video(path, film(options.frames), fps_hz=FPS, codec=codec, quality=18.0 if codec == "h264" else 3.0)
+            write_video(path, film(options.frames), fps_hz=FPS, codec=codec, quality=18.0)
             compare_speed(path, codec, options.threads, options.frames)
     compare_accuracy()
 

@@ -5,6 +5,7 @@ fine texture with 4 × 4 points a pixel is exact to well under a thousandth of a
 """
 
 import math
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -40,15 +41,10 @@ def see_tag(
     layout = tag_family(family)
     half = (layout.cells + 4) / layout.border_cells
     local = homography[:2, :2] - np.outer(homography[:2, 2], homography[2, :2])
-    scale = math.sqrt(abs(np.linalg.det(local)))
+    scale = round(math.sqrt(abs(np.linalg.det(local))), 1)
     cell_texels = max(1, round(TEXELS_PER_PX * scale * 2 / layout.border_cells))
-    paper = np.pad(np.where(tag_pattern(family, tag_id), white, dark), 1, constant_values=white)
-    share = np.pad(np.ones_like(paper), 1)
-    paper = np.pad(paper, 1, constant_values=white)
-    unit = np.ones((cell_texels, cell_texels))
     texel = 2 / layout.border_cells / cell_texels
-    sigma = blur_px / scale / texel
-    planes = [gaussian_filter(np.kron(p, unit), sigma, mode="nearest").astype(np.float32) for p in (paper, share)]
+    planes = _blur_pattern(family, tag_id, cell_texels, blur_px / scale / texel, dark, white)
     middle = (len(planes[0]) - 1) / 2
     to_texel = np.array([[1 / texel, 0, middle], [0, -1 / texel, middle], [0, 0, 1]])
     steps = [(0.0, 0.0)]
@@ -57,14 +53,13 @@ def see_tag(
         number = math.ceil(4 * length)
         steps = [tuple((k + 0.5) / number * m - m / 2 for m in motion_px) for k in range(number)]
     height, width = shape
-    result = np.zeros(shape)
     corners = np.array([[-half, -half, 1], [half, -half, 1], [half, half, 1], [-half, half, 1]]) @ homography.T
     corners = corners[:, :2] / corners[:, 2:]
     reach = math.ceil(length / 2 + 4 * blur_px + 3)
     left, top = np.maximum(np.floor(corners.min(axis=0)).astype(int) - reach, 0)
     right, bottom = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + reach, [width, height])
     base = np.full(shape, background, float) if onto is None else onto.astype(float).copy()
-    result = base[top:bottom, left:right]
+    behind = base[top:bottom, left:right]
     fine = np.array([[1 / POINTS, 0, left - 0.5 + 0.5 / POINTS], [0, 1 / POINTS, top - 0.5 + 0.5 / POINTS], [0, 0, 1]])
     total = [0.0, 0.0]
     for dx, dy in steps:
@@ -77,7 +72,7 @@ def see_tag(
             )
             total[k] = total[k] + seen.reshape(bottom - top, POINTS, right - left, POINTS).mean(axis=(1, 3))
     grey, cover = total[0] / len(steps), total[1] / len(steps)
-    base[top:bottom, left:right] = cover * grey + (1 - cover) * result
+    base[top:bottom, left:right] = cover * grey + (1 - cover) * behind
     return base
 
 
@@ -108,3 +103,13 @@ def bound_centre(homography, shape, noise, **look):
     design = np.stack([row.ravel()[inside] for row in [*rows, still, np.ones(shape)]])
     covariance = np.linalg.inv(design @ design.T) * (noise**2 + 1 / 12)
     return math.sqrt(np.trace(local @ covariance[np.ix_([2, 5], [2, 5])] @ local.T) / 2)
+
+
+@lru_cache(maxsize=6)
+def _blur_pattern(family, tag_id, cell_texels, sigma, dark, white):
+    """Return the blurred pattern, with a white cell around it, and how much of each place it covers."""
+    paper = np.pad(np.where(tag_pattern(family, tag_id), white, dark), 1, constant_values=white)
+    share = np.pad(np.ones_like(paper), 1)
+    paper = np.pad(paper, 1, constant_values=white)
+    unit = np.ones((cell_texels, cell_texels))
+    return [gaussian_filter(np.kron(p, unit), sigma, mode="nearest").astype(np.float32) for p in (paper, share)]

@@ -129,7 +129,7 @@ def test_a_nominal_rate_near_the_true_stamps_does_not_replace_them() -> None:
 @pytest.mark.parametrize("tick_s", [1 / 90000, 1 / 600])
 def test_edited_slow_motion_is_refused_at_its_break(before: float, after: float, tick_s: float) -> None:
     time = np.cumsum(np.concatenate([[0], np.full(150, 1 / before), np.full(150, 1 / after)]))
-    with pytest.raises(InputError, match="at frame 1[45]"):
+    with pytest.raises(InputError, match=r"at frame 1[45]"):
         fit_clock(stamps_of(time, tick_s), tick_s=tick_s)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import small_scene, unmodelled_scene
 
+from scenes import small_scene, unmodelled_scene
 from tagsway.model import Estimate, Mode, Move, Settings
 from tagsway.pipeline import Measurement, identify
 from tagsway.pipeline.shaping import plan_shaped_move

@@ -2,8 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from tag_images import bound_centre, make_pose, photograph, see_tag
 
+from tag_images import bound_centre, make_pose, photograph, see_tag
 from tagsway.model import Sighting
 from tagsway.tags.align import CORNERS, Aligner, find_homography, measure_scale, project
 
@@ -128,8 +128,8 @@ def test_a_hand_over_a_corner_shows_in_the_error() -> None:
         (60, 3, 0.5, (0.0, 0.0)),
         (60, 8, 0.5, (0.0, 0.0)),
         (60, 3, 1.0, (0.0, 0.0)),
-        (60, 3, 0.5, (5.0, 1.5)),
-        (60, 8, 0.5, (5.0, 1.5)),
+        (40, 3, 0.5, (4.0, 1.5)),
+        pytest.param(60, 8, 0.5, (5.0, 1.5), marks=pytest.mark.slow),
         (20, 3, 0.5, (0.0, 0.0)),
         pytest.param(150, 3, 0.5, (0.0, 0.0), marks=pytest.mark.slow),
     ],

@@ -1,15 +1,17 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from tag_images import make_pose, photograph, see_tag
 
+from tag_images import make_pose, photograph, see_tag
 from tagsway.errors import InputError
 from tagsway.tags import find
 from tagsway.tags.align import CORNERS, project
 from tagsway.tags.find import TagFinder, find_tags, find_tags_near
 from tagsway.tags.others import find_other_tags, list_tags
+from tagsway.video.writing import write_video
 
 NEAR = 0.2  # px; the detector's own error is 0.03 to 0.1
 
@@ -104,14 +106,17 @@ def test_a_search_that_takes_too_long_names_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_a_process_with_decoder_and_detector_ends_well() -> None:
+def test_a_process_that_decodes_and_detects_ends_well(tmp_path: Path) -> None:
+    image = photograph(see_tag(make_pose((80, 70), 60), (140, 160)), 1, np.random.default_rng(0))
+    video = tmp_path / "a.mp4"
+    write_video(video, [image] * 12, fps_hz=30.0)
     script = (
-        "import numpy as np, threading, av\n"
-        "from tagsway.tags.find import find_tags\n"
-        "image = np.random.default_rng(0).integers(0, 255, (300, 400)).astype(np.uint8)\n"
-        "find_tags(image, family='tag36h11')\n"
-        "with av.open('x.avi', 'w', format='avi', buffer_size=32768) if False else threading.Lock():\n"
-        "    find_tags(image, family='tag36h11', decimate=2.0)\n"
+        "import sys\n"
+        "from tagsway.tags.follow import follow_tags\n"
+        "from tagsway.video.reading import read_clock, read_frames\n"
+        "frames = read_frames(sys.argv[1], read_clock(sys.argv[1]), decoder_threads=2)\n"
+        "tracks = follow_tags(frames, family='tag36h11', tag_ids=[0, 1])\n"
+        "assert tracks.tags[0].seen.all()\n"
     )
-    for _ in range(10):
-        subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+    for _ in range(8):
+        subprocess.run([sys.executable, "-c", script, str(video)], check=True, timeout=60)

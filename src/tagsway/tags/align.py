@@ -111,7 +111,7 @@ class Aligner:
         Sighting or None
             None where the pattern is not there.
         """
-        scale_px = measure_scale(homography)
+        scale_px = measure_scale(homography) if homography[2, 2] != 0 else math.nan
         if not _SMALLEST_SIDE_PX <= 2 * scale_px <= 2 * max(grey.shape):
             return None
         crop = _cut(grey, homography)

@@ -13,7 +13,7 @@ PARAMETERS = 10  # eight of the homography, gain, offset
 
 _SAMPLES_PER_PX = 1.0
 _FEWEST_SAMPLES, _MOST_SAMPLES = 24, 80
-_TEXELS_PER_PX = 3.0  # a blur of 0.6 px is then two texels wide, and bilinear sampling of it is exact enough
+_TEXELS_PER_PX = 4.2  # bilinear sampling of a blur of 0.6 px is then exact to a thousandth of a pixel
 _MOST_TEXELS = 640
 _PAPER_CELLS = 0.75  # of the white cell around the square
 
