@@ -19,6 +19,7 @@ import numpy as np
 
 from tagsway.model import FloatArray, GreyArray
 from tagsway.tags.align import Aligner
+from tagsway.tags.find import load_detector
 from tagsway.tags.follow import follow_tags
 from tagsway.video.reading import read_clock, read_frames
 from tagsway.video.writing import write_video
@@ -113,9 +114,7 @@ def track(path: Path, threads: int) -> tuple[int, float]:
 
 def detect_plainly(path: Path, frames: int) -> None:
     """Detect on every whole frame, as one does without this package."""
-    from pupil_apriltags import Detector
-
-    detector, video = Detector(families="tag36h11"), cv2.VideoCapture(str(path))
+    detector, video = load_detector()(families="tag36h11"), cv2.VideoCapture(str(path))
     for _ in range(frames):
         _, image = video.read()
         detector.detect(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))

@@ -208,6 +208,7 @@ def _modal() -> ModalEstimate:
         damping_ratio=ratio,
         covariance=((0.00031**2, 1e-10), (1e-10, 0.000094**2)),
         amplitude_m=Estimate.normal(0.01134, 0.00004),
+        operating_damping_ratio=None,
         operating_frequency_hz=Estimate.normal(2.4696, 0.00033),
         noise_m=0.00019,
         cycles=25.2,

@@ -166,6 +166,7 @@ def modal_of(pendulum: Pendulum) -> ModalEstimate:
         damping_ratio=Estimate.normal(pendulum.damping_ratio, 1e-3),
         covariance=((1e-6, 0.0), (0.0, 1e-6)),
         amplitude_m=None,
+        operating_damping_ratio=None,
         operating_frequency_hz=None,
         noise_m=None,
         cycles=5.0,

@@ -58,7 +58,9 @@ def sightings_of(plane: FloatArray, direction: FloatArray, size: tuple[int, int]
         height=size[1],
         duration_s=1.0,
     )
-    return Sightings(video=video, time_s=np.arange(len(plane)) / 200, tags=(tag,), detector_calls=1)
+    return Sightings(
+        video=video, frame=np.arange(len(plane)), time_s=np.arange(len(plane)) / 200, tags=(tag,), detector_calls=1
+    )
 
 
 def test_sightings_lose_the_lens_in_place_direction_and_corners() -> None:

@@ -124,7 +124,7 @@ def test_a_wrong_family_is_told_which_tags_were_seen(bag, capsys) -> None:
 
 
 def test_the_product_s_tag_never_seen_is_not_determined(bag, capsys) -> None:
-    assert run([str(bag), "--pcp-id", "9", "--tag-size", "40"]) == 3
+    assert run([str(bag), "--pcp-id", "9", "--tag-size", "30"]) == 3
     assert "product's tag was never seen" in complaint(capsys)
     folder = bag.parent / "bag-identify"
     assert json.loads((folder / "result.json").read_text())["status"] == "not_determined"
@@ -147,7 +147,7 @@ def test_a_video_cut_in_the_middle_is_used_as_far_as_it_goes(inside, capsys) -> 
     subprocess.run([sys.executable, "-c", REMUX, str(SAMPLES / "bag.mp4"), str(whole)], check=True)
     content = whole.read_bytes()
     (inside / "cut.mkv").write_bytes(content[: int(len(content) * 0.8)])
-    assert run(["cut.mkv", "--tag-size", "40", "--quiet"]) == 0
+    assert run(["cut.mkv", "--tag-size", "30", "--quiet"]) == 0
     result = json.loads((inside / "cut-identify" / "result.json").read_text())
     assert "truncated" in {warning["code"] for warning in result["warnings"]}
     assert result["status"] == "degraded"
@@ -166,15 +166,42 @@ target.close()
 """
 
 
-def test_an_mp4_cut_in_the_middle_is_refused_with_a_reason(inside, capsys) -> None:
+def test_an_mp4_that_lost_the_index_at_its_end_is_refused_with_a_reason(inside, capsys) -> None:
     content = (SAMPLES / "bag.mp4").read_bytes()
+    assert content.index(b"moov") > len(content) // 2, "the sample's index lies at its end"
     (inside / "cut.mp4").write_bytes(content[: len(content) // 2])
-    code = run(["cut.mp4", "--tag-size", "40", "--quiet"])
-    if code == 2:  # the index of an mp4 may lie at its end, and is lost with it
-        assert "cut.mp4" in complaint(capsys)
-    else:
-        result = json.loads((inside / "cut-identify" / "result.json").read_text())
-        assert "truncated" in {warning["code"] for warning in result["warnings"]}
+    assert run(["cut.mp4", "--tag-size", "30", "--quiet"]) == 2
+    assert "cut.mp4" in complaint(capsys)
+    assert nothing_written(inside)
+
+
+def test_a_lens_that_changes_is_not_answered_from_kept_steps(inside, capsys) -> None:
+    shutil.copy(SAMPLES / "released.mp4", inside / "film.mp4")
+    radii = []
+    for focal in (3000.0, 2500.0):
+        camera = {"width": 640, "height": 480, "fx": 3000.0, "fy": focal, "cx": 319.5, "cy": 239.5}
+        camera |= {"schema": "tagsway/camera/1", "distortion": [0, 0, 0, 0, 0], "readout_s": 0}
+        (inside / "camera.json").write_text(json.dumps(camera))
+        assert run(["film.mp4", "--tag-size", "30", "--camera", "camera.json", "--quiet"]) == 0
+        result = json.loads((inside / "film-identify" / "result.json").read_text())
+        radii.append(result["pendulum"]["tag_radius_mm"]["value"])
+    assert abs(radii[1] / radii[0] - 1) > 0.02
+
+
+def test_a_tool_that_was_never_seen_stands_in_the_result_with_no_share(bag, capsys) -> None:
+    assert run([str(bag), "--tcp-id", "9", "--quiet"]) == 0
+    result = json.loads((bag.parent / "bag-identify" / "result.json").read_text())
+    assert result["tags"]["tcp"] == {"id": 9, "detected": 0.0, "mm_per_px": None}
+
+
+def test_what_is_null_without_a_fault_has_a_warning_that_says_why(inside, capsys) -> None:
+    shutil.copy(SAMPLES / "bag.mp4", inside / "bag.mp4")
+    assert run(["bag.mp4", "--tag-size", "30", "--quiet"]) == 0
+    result = json.loads((inside / "bag-identify" / "result.json").read_text())
+    assert result["pendulum"]["determined"] is True
+    assert result["pendulum"]["stiffness_n_m_per_rad"] is None
+    assert "no_mass" in {warning["code"] for warning in result["warnings"]}
+    assert result["status"] == "ok"
 
 
 def test_a_real_video_in_which_nothing_swings_is_not_determined(inside, shared, capsys) -> None:
@@ -202,6 +229,90 @@ def test_help_loads_neither_opencv_nor_scipy_nor_matplotlib() -> None:
 
 
 def test_json_on_standard_output_is_the_result_and_nothing_else(bag, capsys) -> None:
-    assert run([str(bag), "--tag-size", "40", "--json"]) == 0
+    assert run([str(bag), "--tag-size", "30", "--json"]) == 0
     printed = capsys.readouterr().out
     assert json.loads(printed) == json.loads((bag.parent / "bag-identify" / "result.json").read_text())
+
+
+def a_track(folder: Path, name: str = "swing.csv") -> Path:
+    rng, time = np.random.default_rng(0), np.arange(600) / 200
+    x = 20 * np.exp(-0.3 * time) * np.cos(2 * np.pi * 2.4 * time) + 0.05 * rng.normal(size=600)
+    rows = [f"{t:.4f},{value:.4f}" for t, value in zip(time, x, strict=True)]
+    path = folder / name
+    path.write_text("\n".join(["t,x", *rows]) + "\n")
+    return path
+
+
+def test_a_folder_of_somebody_s_own_files_keeps_them(inside, capsys) -> None:
+    a_track(inside)
+    (inside / "out" / "figures").mkdir(parents=True)
+    (inside / "out" / "figures" / "paper.png").write_text("mine")
+    (inside / "out" / "trajectory.csv").write_text("mine")
+    assert run(["swing.csv", "--out", "out", "--quiet"]) == 0
+    assert (inside / "out" / "figures" / "paper.png").read_text() == "mine"
+    assert (inside / "out" / "trajectory.csv").read_text() == "mine"
+
+
+def test_what_an_earlier_measurement_left_is_taken_away(bag, capsys) -> None:
+    move = str(SAMPLES / "move.toml")
+    assert run([str(bag), "--tag-size", "30", "--move", move, "--out", "out", "--quiet"]) == 0
+    assert (bag.parent / "out" / "trajectory.csv").exists()
+    assert run([str(bag), "--tag-size", "30", "--out", "out", "--quiet"]) == 0
+    assert not (bag.parent / "out" / "trajectory.csv").exists()
+    assert not list((bag.parent / "out").glob(".new-*"))
+
+
+@pytest.mark.parametrize("out", [".", ""])
+def test_the_input_is_never_written_over(inside, capsys, out) -> None:
+    path = a_track(inside, "track.csv")
+    before = path.read_bytes()
+    assert run(["track.csv", "--out", out]) == 2
+    assert "--out" in complaint(capsys)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("max_acceleration_m_s2 = 4.0", 'max_acceleration_m_s2 = "4.0"', "max_acceleration_m_s2"),
+        ("max_acceleration_m_s2 = 4.0", "max_acceleration_m_s2 = true", "max_acceleration_m_s2"),
+        ("velocity_m_s = 3.0", "velocity_m_s = inf", "velocity_m_s"),
+        ("to_m = [0.35, 0.0, -0.767]", "to_m = [700.0, 0.0, -0.767]", "mm"),
+        ("to_m = [0.35, 0.0, -0.767]", "to_m = [nan, 0.0, -0.767]", "finite"),
+        ("sample_time_ms = 1.0", "sample_time_ms = 1e-6", "sample"),
+        ("shaped_axes", "colour = 1\nshaped_axes", "colour"),
+    ],
+)
+def test_a_move_that_cannot_be_is_named_and_nothing_is_written(inside, capsys, old, new, word) -> None:
+    text = (SAMPLES / "move.toml").read_text()
+    assert old in text
+    (inside / "move.toml").write_text(text.replace(old, new))
+    assert run(["trajectory", "--move", "move.toml", "--shaper", "none", "--out", "t.csv"]) == 2
+    assert word in complaint(capsys)
+    assert sorted(path.name for path in inside.iterdir()) == ["move.toml"]
+
+
+def test_a_trajectory_is_not_written_over_its_move(inside, capsys) -> None:
+    shutil.copy(SAMPLES / "move.toml", inside / "mine.json")
+    assert run(["trajectory", "--move", "mine.json", "--shaper", "none", "--out", "mine.csv"]) == 2
+    assert "mine.json" in complaint(capsys)
+
+
+def test_an_interrupted_run_says_so_and_leaves_nothing(inside, capsys, monkeypatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    a_track(inside)
+    monkeypatch.setattr("tagsway.pipeline.output.write_figures", interrupt)
+    assert run(["swing.csv", "--quiet"]) == 1
+    assert complaint(capsys) == "error: interrupted"
+    assert nothing_written(inside)
+
+
+def test_a_table_in_other_units_is_suspected(inside, capsys) -> None:
+    path = a_track(inside)
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    path.write_text("\n".join([",".join(rows[0]), *(f"{1000 * float(t):.1f},{x}" for t, x in rows[1:])]))
+    assert run(["swing.csv", "--quiet"]) == 0
+    result = json.loads((inside / "swing-identify" / "result.json").read_text())
+    assert "units_suspect" in {warning["code"] for warning in result["warnings"]}

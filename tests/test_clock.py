@@ -188,3 +188,12 @@ def test_times_always_rise() -> None:
         except InputError:
             continue
         assert np.all(np.diff(clock.time_s) > 0)
+
+
+def test_the_capture_rate_holds_as_the_mean_rate_of_stamps_that_are_not_even() -> None:
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.choice([0.02, 0.033, 0.05], size=400))
+    clock = fit_clock(stamps_of(time, 1e-5), tick_s=1e-5, fps_hz=240.0)
+    assert not clock.uniform
+    assert clock.fps_hz == pytest.approx(240.0, rel=1e-9)  # identity
+    assert clock.time_s[-1] == pytest.approx(399 / 240.0, rel=1e-9)

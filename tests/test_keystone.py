@@ -52,8 +52,8 @@ def test_frequency_and_damping_are_recovered_within_their_errors(known) -> None:
 
 def test_the_stated_error_is_near_what_the_noise_allows(known) -> None:
     modal = known[0].result.modal
-    assert modal.natural_frequency_hz.std <= 4 * modal.bound.natural_frequency_hz
-    assert modal.natural_frequency_hz.std >= 0.9 * modal.bound.natural_frequency_hz
+    # The bound is that of white noise; what a codec drags and the softening's prior come on top.
+    assert 0.9 <= modal.natural_frequency_hz.std / modal.bound.natural_frequency_hz <= 2
 
 
 def test_the_pendulum_is_recovered_within_its_errors(known) -> None:
@@ -89,7 +89,7 @@ def left_over(scene: Scene, move: Move, shaper) -> float:
     time = np.arange(len(position)) * planned.sampled.sample_time_s
     path = Waypoints(time_s=tuple(time), x_m=tuple(position[:, 0]), z_m=tuple(position[:, 2]))
     end = scene.tool.start_s + planned.sampled.moving_s
-    period = 1 / 2.4727
+    period = 1 / scene.payload.pendulum().natural_frequency_hz
     moving = replace(scene, move=None, trajectory=path, duration_s=end + 2 * period)
     motion = simulate_scene(moving, end + np.linspace(0, period, 400))
     return float(np.ptp(motion.angle_rad)) / 2
@@ -97,12 +97,14 @@ def left_over(scene: Scene, move: Move, shaper) -> float:
 
 def test_what_the_fit_does_not_model_does_not_make_it_confident(unmodelled) -> None:
     measurement, truth = unmodelled
-    modal = measurement.result.modal
-    assert modal.natural_frequency_hz.value == pytest.approx(truth.natural_frequency_hz, rel=0.01)
-    pendulum = measurement.result.pendulum
-    if pendulum.determined:
-        assert inside(pendulum.length_m, truth.length_m)
-        assert inside(pendulum.stiffness_over_inertia_rad2_s2, truth.stiffness_over_inertia_rad2_s2)
+    result = measurement.result
+    # The second body's mode is 1 % of the sway and within 1.5 s of decay: statistics with a bias of that size.
+    assert result.modal.natural_frequency_hz.value == pytest.approx(truth.natural_frequency_hz, rel=0.01)
+    assert not result.pendulum.determined
+    assert "noise explains" in result.pendulum.reason
+    assert result.pendulum.stiffness_n_m_per_rad is None
+    assert result.status == "degraded"
+    assert {"coloured_residual", "few_cycles"} & {warning.code for warning in result.warnings}
 
 
 def test_the_run_from_track_csv_is_the_run_from_the_video(known, tmp_path) -> None:

@@ -18,10 +18,17 @@ def path(time_s: FloatArray) -> FloatArray:
 def test_noise_is_found_in_each_part_of_a_record(ratio: float) -> None:
     rng, time = np.random.default_rng(0), np.arange(800) / RATE_HZ
     truth = np.where(time < 2, 1e-5, ratio * 1e-5)
-    found = measure_noise(time, path(time) + truth * rng.normal(size=800), np.full(800, 1e-6))
+    found = measure_noise(time, path(time) + truth * rng.normal(size=800), np.full(800, np.nan))
     for part in (slice(40, 360), slice(440, 760)):
         # Statistics: 320 samples in pools of 25 scatter by 14 % each and by 4 % together; 3 of those.
         assert np.sqrt(np.mean(found[part] ** 2)) == pytest.approx(np.mean(truth[part]), rel=0.15)
+
+
+def test_what_exceeds_the_stated_noise_counts_for_more_since_a_codec_colours_it() -> None:
+    rng, time = np.random.default_rng(0), np.arange(800) / RATE_HZ
+    values = path(time) + 1e-5 * rng.normal(size=800)
+    unstated, stated = (np.nanmean(measure_noise(time, values, np.full(800, std)) ** 2) for std in (np.nan, 1e-7))
+    assert stated / unstated == pytest.approx(1.6, rel=0.01)  # identity: the density that the module states
 
 
 def test_the_stated_noise_is_the_least() -> None:

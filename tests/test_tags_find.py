@@ -72,11 +72,11 @@ def test_an_unknown_family_is_refused_with_the_known_ones() -> None:
 
 def test_the_other_detector_stands_in(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pupil_apriltags", None)
-    find._load_detector.cache_clear()
+    find.load_detector.cache_clear()
     try:
         finder = TagFinder("tag36h11")
     finally:
-        find._load_detector.cache_clear()
+        find.load_detector.cache_clear()
     assert type(finder._detector).__module__.startswith("pyapriltags")
     pose = make_pose((80.25, 70.5), 60, 0.3)
     image = photograph(see_tag(pose, (150, 160), tag_id=2), 1, np.random.default_rng(0))
@@ -84,6 +84,15 @@ def test_the_other_detector_stands_in(monkeypatch: pytest.MonkeyPatch) -> None:
         (tag,) = finder.find(image, decimate=decimate)
         assert tag.tag_id == 2
         assert np.abs(tag.corners_px - project(pose, CORNERS)).max() < NEAR
+
+
+def test_detectors_come_and_go_without_harm() -> None:
+    image = photograph(see_tag(make_pose((80, 70), 60), (140, 160)), 1, np.random.default_rng(0))
+    for _ in range(3):
+        for family in ("tag36h11", "tag25h9"):
+            finder = TagFinder(family)
+            finder.find(image)
+            del finder
 
 
 def test_other_tags_are_named_with_their_family() -> None:

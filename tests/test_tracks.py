@@ -83,7 +83,7 @@ def film(time_s: FloatArray, *tags: TagSightings) -> Sightings:
         height=HEIGHT,
         duration_s=len(time_s) / 200,
     )
-    return Sightings(video=video, time_s=time_s, tags=tags, detector_calls=1)
+    return Sightings(video=video, frame=np.arange(len(time_s)), time_s=time_s, tags=tags, detector_calls=1)
 
 
 TIME = np.arange(800) / 200

@@ -58,7 +58,10 @@ def undistort_sightings(sightings: Sightings, camera: Camera) -> Sightings:
             f"the camera was calibrated at {camera.width}×{camera.height}, the video is {size[0]}×{size[1]}: "
             "calibrate it at the video's size"
         )
-    return replace(sightings, tags=tuple(_undistort_tag(tag, camera) for tag in sightings.tags))
+    tags = tuple(_undistort_tag(tag, camera) for tag in sightings.tags)
+    if not any(np.isfinite(tag.centre_px).any() for tag in tags):
+        raise InputError(f"the camera's distortion {camera.distortion} leaves no tag in the image; calibrate it again")
+    return replace(sightings, tags=tags)
 
 
 def _undistort_tag(tag: TagSightings, camera: Camera) -> TagSightings:

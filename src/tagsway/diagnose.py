@@ -14,6 +14,10 @@ from tagsway.model import (
 SLOW_FOR_ITS_RADIUS = 0.6
 """Of a point mass' frequency at the same radius: a long flat bag reaches 0.74 of it, a wrong frame rate much less."""
 
+USUAL_FREQUENCIES_HZ = (0.05, 50.0)
+LEAST_AMPLITUDE_M = 5e-5
+"""What hangs from a robot sways within these; outside, a unit is the likelier explanation."""
+
 DISAGREEMENT_STD = 4.0
 DISAGREEMENT_SHARE = 0.02
 """Two estimators disagree where they differ by this many standard errors *and* by this share of the frequency."""
@@ -38,12 +42,16 @@ def diagnose(
     Returns
     -------
     tuple of Notice
-        Codes `frame_rate_suspect`, `estimators_disagree`, `pendulum_disagrees`.
+        Codes `units_suspect`, `frame_rate_suspect`, `estimators_disagree`, `pendulum_disagrees`.
     """
     if modal is None or modal.natural_frequency_hz is None:
         return ()
     frequency = modal.natural_frequency_hz.value
-    hints = [*_slow_for_its_radius(frequency, pendulum, video), *_estimators_disagree(modal)]
+    hints = [
+        *_unusual_units(modal, frequency),
+        *_slow_for_its_radius(frequency, pendulum, video),
+        *_estimators_disagree(modal),
+    ]
     if pendulum is not None and pendulum.determined and pendulum.implied is not None:
         implied = pendulum.implied.natural_frequency_hz
         if not abs(implied / frequency - 1) <= DISAGREEMENT_SHARE:
@@ -55,6 +63,19 @@ def diagnose(
                 )
             )
     return tuple(hints)
+
+
+def _unusual_units(modal: ModalEstimate, frequency: float) -> list[Notice]:
+    low, high = USUAL_FREQUENCIES_HZ
+    if low <= frequency <= high and (modal.amplitude_m is None or modal.amplitude_m.value >= LEAST_AMPLITUDE_M):
+        return []
+    swing = "" if modal.amplitude_m is None else f" with a swing of {1e3 * modal.amplitude_m.value:.3g} mm"
+    return [
+        Notice(
+            code="units_suspect",
+            message=f"{frequency:.3g} Hz{swing} is unusual for a payload: is the time in s, are positions in mm?",
+        )
+    ]
 
 
 def _slow_for_its_radius(frequency: float, pendulum: PendulumEstimate | None, video: VideoInfo | None) -> list[Notice]:
@@ -76,7 +97,7 @@ def _slow_for_its_radius(frequency: float, pendulum: PendulumEstimate | None, vi
 
 
 def _estimators_disagree(modal: ModalEstimate) -> list[Notice]:
-    best = modal.estimates.maximum_likelihood.natural_frequency_hz
+    best = modal.operating_frequency_hz  # what the others see, too: the frequency at the swing of the window
     others: dict[str, EstimatorResult] = {
         "the Fourier transform": modal.estimates.fft,
         "the log decrement": modal.estimates.log_decrement,
@@ -92,7 +113,7 @@ def _estimators_disagree(modal: ModalEstimate) -> list[Notice]:
             hints.append(
                 Notice(
                     code="estimators_disagree",
-                    message=f"{name} gives {estimate.value:.3f} Hz, the fit of the samples {best.value:.3f} Hz: look "
+                    message=f"{name} gives {estimate.value:.3f} Hz, least squares {best.value:.3f} Hz: look "
                     "at the decay's figure for a beat, a second mode, or a window that is not a free decay",
                 )
             )

@@ -12,6 +12,9 @@ from tagsway.errors import InputError, NotIdentifiableError, TagswayError
 DONE, OTHER, UNUSABLE, NOT_DETERMINED = 0, 1, 2, 3
 """Exit codes."""
 
+INTERRUPTED = 130
+"""What Typer makes of Ctrl-C."""
+
 app = typer.Typer(
     name="identify",
     help="Film a payload that carries two AprilTags, get a motion that leaves it at rest.",
@@ -59,12 +62,16 @@ def run(arguments: Sequence[str]) -> int:
         return _complain("interrupted", OTHER)
     except BrokenPipeError:
         return OTHER
+    except OSError as error:
+        return _complain(f"{error.filename or 'a file'}: {(error.strerror or str(error)).lower()}", OTHER)
     except Exception as error:
         if hasattr(error, "format_message"):  # Typer's own: an unknown option, a missing argument
             return _complain(_usage(error, arguments), UNUSABLE)
         return _complain(
             f"unexpected {type(error).__name__}: {error}; this is a fault in tagsway, please report it", OTHER
         )
+    if code == INTERRUPTED:
+        return _complain("interrupted", OTHER)
     return code if isinstance(code, int) else DONE
 
 

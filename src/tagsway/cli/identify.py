@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def run(
     file: Annotated[Path, typer.Argument(help="A video, or a track as CSV.", metavar="VIDEO_OR_TRACK")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the results.", show_default="NAME-identify")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder for the results.", show_default="NAME-identify")] = None,
     fps: Annotated[float | None, typer.Option(help="Capture rate in Hz, where the file's header is wrong.")] = None,
     family: Annotated[str, typer.Option(help="Family of the tags.")] = "tag36h11",
     tcp_id: Annotated[int, typer.Option(help="Tag on the tool.")] = 0,
@@ -60,7 +60,9 @@ def run(
         columns=None if columns is None else _columns(columns),
         shaper=shaper,
     )
-    folder = out if out is not None else Path(f"{file.stem}-identify")
+    if out is not None and not out.strip():
+        raise InputError("--out is empty: expected a folder for the results")
+    folder = Path(f"{file.stem}-identify" if out is None else out)
     measurement = _measure(file, settings, move, folder, show_progress=not quiet)
     _report(measurement, folder, as_json=json, quiet=quiet)
 
@@ -68,12 +70,13 @@ def run(
 def _measure(
     file: Path, settings: Settings, move_file: Path | None, folder: Path, *, show_progress: bool
 ) -> "Measurement":
-    from tagsway.pipeline import identify, write_measurement
+    from tagsway.pipeline import check_outputs, identify, write_measurement
     from tagsway.store.atomic import check_writable
     from tagsway.store.moves import read_move
     from tagsway.store.steps import StepStore
 
     check_writable(folder)
+    check_outputs(folder, file, move_file, None if settings.camera is None else Path(settings.camera))
     move: Move | None = None if move_file is None else read_move(move_file)
     steps = StepStore(folder=folder / ".steps")
     with progress_bar(file.name, shown=show_progress) as progress:
@@ -91,7 +94,8 @@ def _report(measurement: "Measurement", folder: Path, *, as_json: bool, quiet: b
         typer.echo(dump(result_document(measurement.result)), nl=False)
     elif not quiet:
         typer.echo("\n".join(summary_lines(measurement.result)))
-        typer.echo(f"\nwritten to {folder}/ — open {folder / 'report.html'}")
+        opened = "result.json" if measurement.not_determined else "report.html"
+        typer.echo(f"\nwritten to {folder}/ — open {folder / opened}")
     if measurement.not_determined is not None:
         raise NotIdentifiableError(measurement.not_determined)
 

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from tagsway.pipeline.shaping import PlannedMove
 
 
+SLOWEST = 1e-3
+"""Of the planned speed: a move of a second then takes a quarter of an hour."""
+
+
 class ShaperFormat(StrEnum):
     """How a shaper is printed."""
 
@@ -69,14 +73,23 @@ def trajectory(
     from tagsway.store.documents import dump, read_shaper
     from tagsway.store.moves import read_move
 
-    if not 0 < speed <= 1:
-        raise InputError(f"--speed is {speed:g}: expected a share of the planned speed, in (0, 1]")
+    if not SLOWEST <= speed <= 1:
+        raise InputError(f"--speed is {speed:g}: expected a share of the planned speed, from {SLOWEST:g} to 1")
+    if out.suffix == ".json":
+        raise InputError(f"--out {out}: its description takes that name; give a name that ends in .csv")
     check_writable(out.parent)
+    for target in (out, out.with_suffix(".json")):
+        for file in (move, Path(shaper)):
+            if target.exists() and file.exists() and target.samefile(file):
+                raise InputError(f"--out {out} would write over the input {file}; give another name")
+        if target.is_dir():
+            raise InputError(f"--out {out}: {target} is a folder; give another name")
     designed = None if shaper == "none" else read_shaper(Path(shaper))
     planned = plan_shaped_move(read_move(move), designed, speed=speed)
     text, description = planned.files(form=form.value)
+    described = dump(description)
     write_text(out, text)
-    write_text(out.with_suffix(".json"), dump(description))
+    write_text(out.with_suffix(".json"), described)
     typer.echo("\n".join(_lines(planned, out)))
 
 

@@ -108,7 +108,7 @@ def find_spikes(time_s: FloatArray, values: FloatArray, *, std: FloatArray | flo
 
     Notes
     -----
-    Hampel's rule (a sample more than 4.5 robust standard deviations off the local median is an outlier [1]_) with the
+    Hampel's rule (a sample more than 4.2 robust standard deviations off the local median is an outlier [1]_) with the
     median of the values replaced by a cubic through the neighbours, so that a fast motion is not taken for noise; the
     scale is the median magnitude of such residuals over 81 samples, never less than the record's own. What a jump
     between the accelerations seen around a sample explains is no spike: on a hard move, spikes must be larger to be

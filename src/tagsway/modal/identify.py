@@ -18,11 +18,13 @@ from tagsway.modal.start import find_start
 from tagsway.modal.sway import Sway, check_window, measure_sway
 from tagsway.model import (
     GRAVITY_M_S2,
+    SCALE_STD,
     BackbonePoint,
     Bound,
     DecayCurve,
     Estimate,
     Estimates,
+    FloatArray,
     ModalEstimate,
     ModeEstimate,
     Notice,
@@ -31,7 +33,10 @@ from tagsway.model import (
     Window,
 )
 
-GRAVITY_SHARE = (0.9, 0.1)
+SHARE_STD = 0.2
+"""Of gravity's share of ω_n², which the arc's radius gives for a point mass only: a real body's is smaller."""
+
+GRAVITY_SHARE = (0.9, 0.2)
 """Share of gravity in ω_n², and its standard deviation, where a track without a scale cannot tell."""
 
 
@@ -122,7 +127,8 @@ def fit_sway(sway: Sway, samples: Samples, *, in_metres: bool) -> DecayFit:
     -----
     Over a decay that hardly decays, the frequency at the amplitude seen and the softening cannot be told apart by the
     samples. The arc gives the amplitude as an angle, and so the softening: κ q0² / 16, with κ = g / (r ω_n²), at
-    most 1, for the share of gravity in ω_n². It enters as a prior of 10 %. A straight path has no softening.
+    most 1, for the share of gravity in ω_n² were the body a point mass. A real body's is g / (l ω_n²): so it enters as
+    a prior of ±0.2. A straight path has no softening.
     """
     start = find_start(samples)
     if start is None:
@@ -145,7 +151,7 @@ def _softening_of_arc(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softenin
     share, spread = GRAVITY_SHARE
     if in_metres:
         share = min(1.0, GRAVITY_M_S2 * sway.curvature / float(fit.parameters[OMEGA]) ** 2)
-        spread = 0.1 * share
+        spread = SHARE_STD
     arc = 2 * sway.curvature_std / sway.curvature
     mean = share * angle**2 / 16
     return Softening(mean=mean, std=mean * float(np.hypot(spread / share, arc)))
@@ -162,7 +168,7 @@ def _estimate(
     assert frequency is not None
     relative = find_envelope(samples.time_s, p[ALPHA], p[DRAG])[0]
     metres = track.length_unit == "m"
-    amplitude = _amplitude(sway, fit)
+    amplitude = _mean_amplitude(sway, fit, relative, metres=metres)
     return ModalEstimate(
         natural_frequency_hz=frequency,
         damping_ratio=damping,
@@ -172,6 +178,9 @@ def _estimate(
         ),
         amplitude_m=amplitude if metres else None,
         operating_frequency_hz=estimate_of(fit, *frequency_at(fit, float(np.mean(relative)) ** 2), low=0.0),
+        operating_damping_ratio=None
+        if damping is None
+        else estimate_of(fit, *damping_at(fit, float(np.mean(relative))), low=0.0),
         noise_m=fit.scale if metres else None,
         cycles=float(p[OMEGA] / (2 * np.pi) * (window.end_s - window.start_s)),
         bound=Bound(natural_frequency_hz=float(bound[0]), damping_ratio=float(bound[1])),
@@ -187,6 +196,15 @@ def _estimate(
         ),
         backbone=_backbone(sway, fit, float(relative[-1])) if metres else (),
     )
+
+
+def _mean_amplitude(sway: Sway, fit: DecayFit, relative: FloatArray, *, metres: bool) -> Estimate:
+    """Return the mean amplitude over the window; in metres with the error of the scale, which no residual shows."""
+    start = _amplitude(sway, fit)
+    way = float(np.hypot(fit.parameters[COSINE], fit.parameters[SINE]))
+    share = float(np.mean(np.abs(sway.chord(way * relative)))) / max(float(np.abs(sway.chord(np.array(way)))), 1e-300)
+    scale = SCALE_STD * start.value if metres else 0.0
+    return Estimate.normal(share * start.value, share * float(np.hypot(start.std, scale)), low=0.0)
 
 
 def _amplitude(sway: Sway, fit: DecayFit) -> Estimate:

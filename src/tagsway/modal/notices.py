@@ -82,17 +82,4 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway) -> tuple[Notic
                 f"start, {law[1]:.2g} extrapolated to a small swing",
             )
         )
-    for name, rival in (("FFT", modal.estimates.fft), ("the periods", modal.estimates.periods)):
-        other = rival.natural_frequency_hz
-        if other is None or operating is None:
-            continue
-        apart = min(abs(other.value - operating.value), abs(other.value - frequency.value))
-        if apart > max(4 * float(np.hypot(other.std, frequency.std)), 0.002 * frequency.value):
-            found.append(
-                Notice(
-                    code="estimators_disagree",
-                    message=f"{name} gives {other.value:.5g} Hz, least squares {operating.value:.5g} Hz: the decay is "
-                    "not that of one mode; look at the residual",
-                )
-            )
     return tuple(found)

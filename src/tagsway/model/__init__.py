@@ -45,12 +45,13 @@ from tagsway.model.result import (
 from tagsway.model.settings import Settings
 from tagsway.model.shaper import DesignMode, DigitalFilter, Impulse, Residual, Shaper, Spread
 from tagsway.model.tags import Detection, Sighting, Sightings, TagSightings
-from tagsway.model.track import CleanTagTrack, CleanTrack, TagTrack, Track
+from tagsway.model.track import SCALE_STD, CleanTagTrack, CleanTrack, TagTrack, Track
 from tagsway.model.trajectory import SampledTrajectory, Trajectory
 from tagsway.model.video import Frame, VideoInfo
 
 __all__ = [
     "GRAVITY_M_S2",
+    "SCALE_STD",
     "BackbonePoint",
     "BoolArray",
     "Bound",

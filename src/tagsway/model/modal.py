@@ -36,8 +36,10 @@ class Mode:
     damping_ratio: float
 
     def __post_init__(self) -> None:
-        if not (self.natural_frequency_hz > 0 and math.isfinite(self.natural_frequency_hz)):
-            raise InputError(f"a natural frequency must be positive, not {self.natural_frequency_hz:g} Hz")
+        if not 1e-4 <= self.natural_frequency_hz <= 1e5:
+            raise InputError(
+                f"a natural frequency must be positive, from 0.0001 to 100 000 Hz, not {self.natural_frequency_hz:g} Hz"
+            )
         if not 0 <= self.damping_ratio < 1:
             raise InputError(f"a damping ratio must lie in [0, 1), not {self.damping_ratio:g}")
 
@@ -124,9 +126,9 @@ class ModalEstimate:
     covariance : tuple of tuple of float or None
         2 × 2, of (natural frequency in Hz, damping ratio).
     amplitude_m : Estimate or None
-        Of the sway at the window's start, along its main axis.
-    operating_frequency_hz : Estimate or None
-        Undamped frequency at the window's mean amplitude: what a shaper is designed for.
+        Of the sway along its main axis, mean over the window; the error of the scale included.
+    operating_frequency_hz, operating_damping_ratio : Estimate or None
+        Undamped frequency and ζ at that amplitude: what a shaper is designed for.
     noise_m : float or None
         Standard deviation of the residual along the main axis.
     cycles : float
@@ -148,6 +150,7 @@ class ModalEstimate:
     covariance: tuple[tuple[float, float], tuple[float, float]] | None
     amplitude_m: Estimate | None
     operating_frequency_hz: Estimate | None
+    operating_damping_ratio: Estimate | None
     noise_m: float | None
     cycles: float
     bound: Bound | None

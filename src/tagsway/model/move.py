@@ -39,8 +39,8 @@ class Limits:
     def __post_init__(self) -> None:
         for name in ("velocity_m_s", "acceleration_m_s2", "jerk_m_s3", "path_deviation_mm", "vertical_mm"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(f"the limit {name} must be positive, not {value:g}")
+            if value is not None and not (value > 0 and math.isfinite(value)):
+                raise InputError(f"the limit {name} must be positive, not {value:g}; leave it out for none")
         if self.box_m is not None and not all(low <= high for low, high in zip(*self.box_m, strict=True)):
             corners = [list(corner) for corner in self.box_m]
             raise InputError(f"the limit box_m needs a lower and an upper corner, not {corners}")
@@ -77,6 +77,8 @@ class Move:
     robot: Robot = field(default_factory=Robot)
 
     def __post_init__(self) -> None:
+        if not all(math.isfinite(value) for value in (*self.from_m, *self.to_m)):
+            raise InputError(f"from_m {list(self.from_m)} and to_m {list(self.to_m)} must be finite numbers")
         distance = math.dist(self.from_m, self.to_m)
         if not distance > 0:
             raise InputError(f"a move must lead somewhere: from_m and to_m are both {list(self.from_m)}")

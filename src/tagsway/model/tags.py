@@ -1,13 +1,14 @@
 """A tag in one image, and in all of them; in pixels.
 
 Pixel coordinates are (x right, y down), and (0, 0) is the *centre* of the first pixel. A tag's own frame is x right,
-y up, the outer edge of its black square at ±1; corners run (-1, -1), (1, -1), (1, 1), (-1, 1): lower left first, then
-counter-clockwise as one looks at the upright artwork.
+y up, the outer edge of its black square at ±1 (for families with a reversed border the inner edge of the black ring);
+corners run (-1, -1), (1, -1), (1, 1), (-1, 1): lower left first, then counter-clockwise as one looks at the upright
+artwork.
 """
 
 from dataclasses import dataclass
 
-from tagsway.model.arrays import BoolArray, FloatArray
+from tagsway.model.arrays import BoolArray, FloatArray, IntArray
 from tagsway.model.video import VideoInfo
 
 
@@ -108,6 +109,8 @@ class Sightings:
     ----------
     video : VideoInfo
         The video they were seen in.
+    frame : ndarray of int, shape (n,)
+        Place of each frame in the file.
     time_s : ndarray, shape (n,)
         Time of each frame.
     tags : tuple of TagSightings
@@ -117,6 +120,7 @@ class Sightings:
     """
 
     video: VideoInfo
+    frame: IntArray
     time_s: FloatArray
     tags: tuple[TagSightings, ...]
     detector_calls: int

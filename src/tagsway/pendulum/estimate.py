@@ -7,6 +7,7 @@ import numpy as np
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import (
     GRAVITY_M_S2,
+    SCALE_STD,
     Estimate,
     Implied,
     ModalEstimate,
@@ -17,7 +18,7 @@ from tagsway.model import (
     Window,
 )
 from tagsway.pendulum.arc import Arc, fit_circle
-from tagsway.pendulum.fit import SCALE_STD, Solution, fit_record
+from tagsway.pendulum.fit import Solution, fit_record
 from tagsway.pendulum.model import (
     Unknown,
     angular_frequency,
@@ -161,7 +162,9 @@ def _report(
         stiffness = solution.estimate(lambda p: stiffness_over_inertia(p) * mass * length_m(p) ** 2)
         damper = solution.estimate(lambda p: damping_over_inertia(p) * mass * length_m(p) ** 2, low=0.0)
     notices = []
-    if verdict.kind != "claim":
+    if verdict.kind == "indicative":
+        notices.append(Notice(code="pendulum_indicative", message=verdict.reason))
+    elif verdict.kind == "refuse":
         notices.append(_not_determined(verdict.reason))
     elif over_inertia is not None and over_inertia.value < 2 * over_inertia.std:
         notices.append(

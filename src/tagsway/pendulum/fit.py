@@ -8,13 +8,10 @@ from typing import Literal, Self
 import numpy as np
 from scipy.optimize import least_squares
 
-from tagsway.model import BoolArray, Estimate, FloatArray
+from tagsway.model import SCALE_STD, BoolArray, Estimate, FloatArray
 from tagsway.pendulum.arc import SOFTNESS_STD, Arc
 from tagsway.pendulum.model import Unknown, predict
 from tagsway.pendulum.record import LEAST_STD_M, LEAST_STD_RAD, Record
-
-SCALE_STD = 0.003
-"""Overall scale: the printed side of a tag is known to 0.1 mm in 30; nothing in the picture tells more."""
 
 RELATIVE_SCALE_STD = 0.005
 """One tag's scale against the other's: two prints, two depths; a move of the tool shows it much better than this."""

@@ -17,8 +17,10 @@ from tagsway.model import (
     Curves,
     DesignMode,
     FloatArray,
+    Indicators,
     Move,
     Notice,
+    PendulumEstimate,
     ResidualCurve,
     Result,
     Settings,
@@ -34,9 +36,25 @@ from tagsway.pipeline.recording import DECODER_THREADS, Progress, Recording, rea
 from tagsway.pipeline.shaping import PlannedMove, plan_shaped_move
 from tagsway.shapers import SHAPER_TYPES, design_shaper, residual_curve
 from tagsway.store.documents import to_document
-from tagsway.store.steps import StepStore
+from tagsway.store.steps import StepStore, track_digest
+from tagsway.trajectories import plan_move
 
-HARMLESS = frozenset({"single_measurement", "no_tag_size", "pendulum_not_determined", "no_mass", "no_move"})
+HARMLESS = frozenset(
+    {
+        "capture_rate_from_metadata",
+        "damping_depends_on_amplitude",
+        "frequency_depends_on_amplitude",
+        "no_mass",
+        "no_move",
+        "no_spring",
+        "no_tag_size",
+        "pendulum_indicative",
+        "pendulum_not_determined",
+        "pendulum_record_shortened",
+        "point_mass_equivalent",
+        "single_measurement",
+    }
+)
 """Codes of warnings that say what a measurement cannot tell, not that something was wrong with it."""
 
 
@@ -106,6 +124,8 @@ def identify(
     """
     if settings.shaper not in SHAPER_TYPES:
         raise InputError(f"--shaper is {settings.shaper!r}: expected one of {', '.join(SHAPER_TYPES)}")
+    if move is not None:
+        plan_move(move)  # a move that cannot be is refused before the work
     steps = steps or StepStore()
     recording = read_recording(file, settings, steps=steps, progress=progress, decoder_threads=decoder_threads)
     clean = clean_track(recording.track)
@@ -118,7 +138,7 @@ def identify(
         "pendulum",
         PendulumFit,
         lambda: fit_pendulum(recording.track, window, modal, mass_kg=settings.mass_kg, rng=np.random.default_rng(0)),
-        depends_on=[recording.sha256, to_document(settings), to_document(window)],
+        depends_on=[track_digest(recording.track), to_document(window), settings.mass_kg, settings.sway_axis],
     )
     indicators = measure_indicators(recording.track, clean, window)
     shaper = _design(settings, fit, file.name)
@@ -128,6 +148,7 @@ def identify(
         *fit.notices,
         *pendulum.notices,
         *diagnose(modal, pendulum.estimate, recording.video),
+        *_notices_of_gaps(recording.track, pendulum.estimate, indicators, settings),
         *_shaper_notices(shaper, settings),
         *(planned.notices if planned else ()),
     )
@@ -164,21 +185,34 @@ def _find_mode(track: Track, clean: CleanTrack, settings: Settings) -> tuple[Win
 
 
 def _design(settings: Settings, fit: ModalFit, source: str) -> Shaper | None:
-    """Design for the operating amplitude: at a large swing the payload is slower than at a small one."""
+    """Design for the operating amplitude: at a large swing the payload is slower, and drag damps it more."""
     modal = fit.estimate
     frequency = modal.operating_frequency_hz or modal.natural_frequency_hz
+    damping = modal.operating_damping_ratio
     if frequency is None:
         return None
     mode = DesignMode(
         frequency_hz=frequency.value,
-        damping_ratio=0.0 if modal.damping_ratio is None else max(modal.damping_ratio.value, 0.0),
-        amplitude_m=None if modal.amplitude_m is None else float(np.mean(fit.decay.envelope)),
+        damping_ratio=0.0 if damping is None else max(damping.value, 0.0),
+        amplitude_m=None if modal.amplitude_m is None else modal.amplitude_m.value,
     )
     spread = None
     if settings.frequency_spread_percent is not None:
         percent = settings.frequency_spread_percent
         spread = Spread(source="--frequency-spread", natural_frequency_std_percent=percent, n=None)
     return design_shaper(settings.shaper, mode, spread=spread, source=source)
+
+
+def _notices_of_gaps(
+    track: Track, pendulum: PendulumEstimate, indicators: Indicators | None, settings: Settings
+) -> tuple[Notice, ...]:
+    """Say why a number is null although nothing went wrong."""
+    gaps = []
+    if settings.mass_kg is None and pendulum.determined:
+        gaps.append(Notice(code="no_mass", message="without --mass k/J and b/J are known, k and b are not"))
+    if indicators is None and track.tcp is not None:
+        gaps.append(Notice(code="no_move", message="the tool did not move: there is no move to judge"))
+    return tuple(gaps)
 
 
 def _shaper_notices(shaper: Shaper | None, settings: Settings) -> tuple[Notice, ...]:

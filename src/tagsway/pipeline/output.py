@@ -1,51 +1,91 @@
 """From a measurement to the files of its folder."""
 
+import shutil
+import tempfile
 from pathlib import Path
 
+from tagsway.errors import InputError
 from tagsway.pipeline.measurement import Measurement
-from tagsway.report.figures import write_figures
+from tagsway.report.figures import FIGURES, write_figures
 from tagsway.report.page import render_page
 from tagsway.store.atomic import write_text
-from tagsway.store.documents import dump, write_result, write_shaper
+from tagsway.store.documents import RESULT_SCHEMA, dump, read_json, write_result, write_shaper
 from tagsway.store.packing import write_curves
 from tagsway.store.tracks import track_csv
 
+RESULT = "result.json"
+OUTPUTS = (
+    "track.csv",
+    "curves.npz",
+    "shaper.json",
+    "trajectory.csv",
+    "trajectory.json",
+    "report.html",
+    *(f"figures/{name}.png" for name in FIGURES),
+    RESULT,
+)
+"""Every file that a measurement may have, in the order in which they take their places; the result comes last."""
+
 
 def write_measurement(measurement: Measurement, folder: Path) -> None:
-    """Write everything that a measurement has into a folder, each file whole or not at all.
+    """Write everything that a measurement has into a folder: all of it, or nothing.
 
     Parameters
     ----------
     measurement : Measurement
         Where it is not determined, only result.json and track.csv are written.
     folder : Path
-        Made where it is missing. What an earlier run left and this one does not have is removed, so that no file in it
-        belongs to another result.
+        Made where it is missing. What an earlier measurement left there and this one does not have is removed, so that
+        no file in it belongs to another result; what is not a measurement's is left alone.
     """
+    fresh = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    staging = Path(tempfile.mkdtemp(dir=folder, prefix=".new-"))
+    try:
+        _write_all(measurement, staging)
+        earlier = _holds_a_measurement(folder)
+        for name in OUTPUTS:
+            if (staging / name).exists():
+                (folder / name).parent.mkdir(exist_ok=True)
+                (staging / name).replace(folder / name)
+            elif earlier:
+                (folder / name).unlink(missing_ok=True)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        if fresh and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def check_outputs(folder: Path, *inputs: Path | None) -> None:
+    """Raise an InputError where a measurement would write over one of its inputs, or where a folder is in its way."""
+    for name in OUTPUTS:
+        target = folder / name
+        if target.is_dir():
+            raise InputError(f"--out {folder}: {target} is a folder, where a file is to be; give another folder")
+        for file in inputs:
+            if file is not None and target.exists() and file.exists() and target.samefile(file):
+                raise InputError(f"--out {folder} would write over the input {file}; give another folder")
+
+
+def _write_all(measurement: Measurement, folder: Path) -> None:
     result = measurement.result
-    kept = set()
     write_text(folder / "track.csv", track_csv(measurement.track, measurement.clean))
     if measurement.not_determined is None:
         write_curves(folder / "curves.npz", measurement.curves)
-        kept |= {"curves.npz", "report.html"}
         if result.shaper is not None:
             write_shaper(folder / "shaper.json", result.shaper)
-            kept.add("shaper.json")
         if measurement.planned is not None:
             text, description = measurement.planned.files()
             write_text(folder / "trajectory.csv", text)
             write_text(folder / "trajectory.json", dump(description))
-            kept |= {"trajectory.csv", "trajectory.json"}
-        figures = write_figures(result, measurement.curves, folder / "figures")
-        page = render_page(result, measurement.curves, title=result.source.file)
-        write_text(folder / "report.html", page)
-        kept |= {f"figures/{figure.name}" for figure in figures}
-    _remove_stale(folder, kept)
-    write_result(folder / "result.json", result)
+        write_figures(result, measurement.curves, folder / "figures")
+        write_text(folder / "report.html", render_page(result, measurement.curves, title=result.source.file))
+    write_result(folder / RESULT, result)
 
 
-def _remove_stale(folder: Path, kept: set[str]) -> None:
-    ours = ["curves.npz", "shaper.json", "trajectory.csv", "trajectory.json", "report.html"]
-    ours += [f"figures/{path.name}" for path in folder.glob("figures/*.png")]
-    for name in set(ours) - kept:
-        (folder / name).unlink(missing_ok=True)
+def _holds_a_measurement(folder: Path) -> bool:
+    try:
+        read_json(folder / RESULT, RESULT_SCHEMA)
+    except InputError:
+        return False
+    return True

@@ -115,6 +115,8 @@ def read_recording(
     check_file(file)
     if file.suffix.lower() in TABLES:
         return _read_table(file, settings)
+    if settings.columns is not None:
+        raise InputError(f"--columns names the columns of a table, and {file} is taken for a video: leave it out")
     camera = None if settings.camera is None else read_camera(Path(settings.camera))
     digest = file_sha256(file)
     film = steps.get(
@@ -165,7 +167,11 @@ def track_video(
         frames = _reporting(reader, len(clock.stamps), progress)
         followed = follow_tags(frames, family=settings.family, tag_ids=wanted)
     sightings = Sightings(
-        video=reader.info, time_s=followed.time_s, tags=followed.tags, detector_calls=followed.detector_calls
+        video=reader.info,
+        frame=followed.frame,
+        time_s=followed.time_s,
+        tags=followed.tags,
+        detector_calls=followed.detector_calls,
     )
     return Film(sightings=sightings, notices=(*reader.notices, *followed.notices))
 
@@ -188,6 +194,13 @@ def check_file(file: Path) -> None:
 
 
 def _read_table(file: Path, settings: Settings) -> Recording:
+    for name, value in {
+        "--fps": settings.fps_hz,
+        "--camera": settings.camera,
+        "--reference-id": settings.reference_id,
+    }.items():
+        if value is not None:
+            raise InputError(f"{name} says something of a video, and {file} is a table: leave it out")
     track = read_track(file, columns=settings.columns)
     return Recording(
         sha256=file_sha256(file),
@@ -211,7 +224,7 @@ def _what_was_seen(file: Path, settings: Settings) -> str:
 def _summarise_tags(sightings: Sightings, track: Track, settings: Settings) -> TagsSummary:
     def summary(tag_id: int | None, tag: TagTrack | None) -> TagSummary | None:
         seen = None if tag_id is None else sightings.tag(tag_id)
-        if tag_id is None or (seen is None and tag is None):
+        if tag_id is None:
             return None
         share = 0.0 if seen is None else float(np.mean(seen.seen))
         return TagSummary(id=tag_id, detected=share, mm_per_px=None if tag is None else tag.scale_mm_per_px)

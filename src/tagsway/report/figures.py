@@ -272,6 +272,10 @@ def plot_trajectory(curve: TrajectoryCurve, *, axes: Sequence[Axes] | None = Non
     return figure
 
 
+FIGURES = ("track", "decay", "spectrum", "pendulum", "residual", "trajectory")
+"""Names of all that may be drawn."""
+
+
 def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, ...]:
     """Write a PNG for each curve that there is.
 

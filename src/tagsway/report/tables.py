@@ -209,7 +209,7 @@ def measurement_rows(result: Result) -> list[Row]:
             remark += f", noise {1e3 * modal.noise_m:.2g} mm"
         rows.append(Row("free vibration", f"{start:.3f} to {end:.3f} s", remark))
         if modal is not None and modal.amplitude_m is not None:
-            rows.append(Row("swing", format_estimate(modal.amplitude_m, "mm", scale=1e3), "at the window's start"))
+            rows.append(Row("swing", format_estimate(modal.amplitude_m, "mm", scale=1e3), "mean over the window"))
         if modal is not None and modal.operating_frequency_hz is not None:
             text = format_estimate(modal.operating_frequency_hz, "Hz")
             rows.append(

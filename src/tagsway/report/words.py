@@ -199,7 +199,7 @@ def _modal_lines(result: Result) -> list[str]:
     if result.window_s is not None:
         start, end = result.window_s
         swing = (
-            "" if modal.amplitude_m is None else f", {format_estimate(modal.amplitude_m, 'mm', scale=1e3)} at its start"
+            "" if modal.amplitude_m is None else f", {format_estimate(modal.amplitude_m, 'mm', scale=1e3)} on average"
         )
         lines.append(_line("free vibration", f"{start:.2f} to {end:.2f} s, {modal.cycles:.1f} cycles{swing}"))
     return lines

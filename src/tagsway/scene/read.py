@@ -1,6 +1,7 @@
 """A scene from its file."""
 
 import csv
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -44,7 +45,7 @@ def read_scene(path: Path) -> Scene:
     if isinstance(tree.get("trajectory"), str):
         tree["trajectory"] = _read_waypoints(path.parent, tree["trajectory"])
     try:
-        return TypeAdapter(Scene).validate_python(tree)
+        return TypeAdapter(Scene).validate_json(json.dumps(tree, default=str), strict=True)
     except ValidationError as error:
         raise InputError(f"{path}: {_explain(error)}") from None
 

@@ -49,6 +49,11 @@ def check_writable(folder: Path) -> None:
         raise InputError(f"--out {folder}: {existing} is a file; give a folder that can be written")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise InputError(f"--out {folder}: {existing} cannot be written; give another folder")
+    figures = folder / "figures"
+    if figures.exists() and not figures.is_dir():
+        raise InputError(
+            f"--out {folder}: {figures} is a file, where a folder is to be; move it or give another folder"
+        )
 
 
 def _umask() -> int:

@@ -2,7 +2,7 @@
 
 import hashlib
 import io
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +11,6 @@ from tagsway.model import FloatArray, SampledTrajectory
 from tagsway.trajectories import MotionReport
 
 TRAJECTORY_SCHEMA = "tagsway/trajectory/1"
-
-ControllerFormat = Literal["beckhoff", "beckhoff-pva", "csv"]
 
 DECIMALS = 9
 """Of a metre: a position rounded to 1 µm is an acceleration that is wrong by 1 m/s² after two differences at 1 kHz."""

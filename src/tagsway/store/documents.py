@@ -81,7 +81,8 @@ def from_document(kind: type[T], document: Any, *, origin: str) -> T:
 def validate(kind: type[T], data: Any, *, origin: str) -> T:
     """Return `data` as a type of `model`, or raise an InputError that names the first fault."""
     try:
-        return TypeAdapter(kind).validate_python(data)
+        # As JSON and strictly: a list stands for a tuple there, but no text for a number.
+        return TypeAdapter(kind).validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as fault:
         first = fault.errors()[0]
         place = ".".join(str(part) for part in first["loc"])

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from tagsway import __version__
-from tagsway.store.packing import read_packed, write_packed
+from tagsway.model import Track
+from tagsway.store.packing import pack, read_packed, write_packed
 
 T = TypeVar("T")
 
@@ -38,7 +41,7 @@ class StepStore:
         name : str
             Of the step.
         kind : type
-            Of its result, a dataclass of `model`.
+            Of its result, a dataclass.
         compute : callable
             Makes the result.
         depends_on : Any
@@ -69,6 +72,15 @@ class StepStore:
                 stale.unlink(missing_ok=True)
             write_packed(path, value)
         self._new.clear()
+
+
+def track_digest(track: Track) -> str:
+    """Return the SHA-256 of all that a track holds, in hexadecimal."""
+    arrays, tree = pack(track)
+    digest = hashlib.sha256(json.dumps(tree, sort_keys=True).encode())
+    for name, array in sorted(arrays.items()):
+        digest.update(name.encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def file_sha256(path: Path) -> str:

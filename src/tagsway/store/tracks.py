@@ -17,6 +17,9 @@ TAGS = ("tcp", "pcp", "reference")
 STEPS = {"m": 1e-9, "px": 1e-6}
 """Steps in which a track holds positions: six decimals of a millimetre, or of a pixel."""
 
+FARTHEST_M = 1000.0
+"""No payload is filmed over a kilometre; a larger number is another unit, or no position."""
+
 STEP_S = 1e-9
 STEP_RAD = 1e-9
 
@@ -146,8 +149,13 @@ def _tag(position: FloatArray, std: FloatArray, angle: FloatArray | None, angle_
 
 
 def _checked(index: Any, time_s: FloatArray, unit: Any, tags: dict[str, TagTrack], path: Path) -> Track:
+    if not np.isfinite(time_s).any():
+        raise InputError(f"{path}: the time column holds no numbers; write them with a decimal point, such as 0.005")
+    far = max((float(np.nanmax(np.abs(tag.position), initial=0.0)) for tag in tags.values()), default=0.0)
+    if unit == "m" and not far <= FARTHEST_M:
+        raise InputError(f"{path}: a position is {1e3 * far:.3g} mm; expected mm, and at most {1e3 * FARTHEST_M:g}")
     if len(time_s) < 2:
-        raise InputError(f"{path} holds {len(time_s)} samples: a track needs at least two")
+        raise InputError(f"{path} holds too few samples ({len(time_s)}): a track needs at least two")
     if not np.all(np.isfinite(time_s)):
         raise InputError(f"{path}: row {int(np.argmin(np.isfinite(time_s))) + 2} has no time")
     steps = np.diff(time_s)

@@ -190,9 +190,9 @@ def _lay_out(family: TagFamily) -> tuple[BoolArray, BoolArray]:
 
 def _library_path() -> Path:
     suffix = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-    package = find_spec("pyapriltags")
-    if package is not None and package.origin is not None:
-        path = Path(package.origin).with_name("libapriltag" + suffix)
-        if path.exists():
-            return path
+    for name in ("pyapriltags", "pupil_apriltags"):
+        package = find_spec(name)
+        if package is not None and package.origin is not None:
+            for path in sorted(Path(package.origin).parent.rglob("*apriltag*" + suffix)):
+                return path
     raise TagswayError("the AprilTag library is missing: install the package pyapriltags again")

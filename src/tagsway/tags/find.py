@@ -1,6 +1,5 @@
 """Find tags in an image with nothing known: the AprilTag detector behind a small interface."""
 
-import ctypes
 import importlib
 from functools import cache
 from typing import Any
@@ -36,8 +35,7 @@ class TagFinder:
     def __init__(self, family: str) -> None:
         if family not in FAMILIES:
             raise InputError(f"there is no tag family {family!r}: expected one of {', '.join(FAMILIES)}")
-        detector_class, self._view = _load_detector()
-        self._detector = detector_class(families=family, nthreads=1, quad_decimate=1.0)
+        self._detector = load_detector()(families=family, nthreads=1, quad_decimate=1.0)
 
     def find(self, grey: GreyArray, *, decimate: float = 1.0) -> tuple[Detection, ...]:
         """Return the tags in an image that pass the gates, surest first.
@@ -56,7 +54,7 @@ class TagFinder:
         """
         if min(grey.shape) < _SMALLEST_IMAGE_PX:
             return ()
-        self._view(self._detector).quad_decimate = decimate
+        self._detector.tag_detector_ptr.contents.quad_decimate = decimate  # read anew for each image
         found = [_read_detection(seen) for seen in self._detector.detect(np.ascontiguousarray(grey))]
         return tuple(sorted(filter(_is_sound, found), key=lambda tag: -tag.margin))
 
@@ -127,23 +125,22 @@ def _finder(family: str) -> TagFinder:
 
 
 @cache
-def _load_detector() -> tuple[Any, Any]:
-    """Return the detector's class, and a function that shows its C struct: the maintained fork's, else pupil's."""
-    for name in ("pyapriltags", "pupil_apriltags"):
+def load_detector() -> Any:
+    """Return the detector's class: pupil's, else that of the maintained fork, which has the same calls.
+
+    Returns
+    -------
+    type
+        Without its destructor: pupil's frees the families before the detector that still uses them, which crashes now
+        and then, at exit above all. A detector lives as long as its process anyway.
+    """
+    for name in ("pupil_apriltags", "pyapriltags"):
         try:
             module = importlib.import_module(name)
         except (ImportError, OSError):
             continue
-        return module.Detector, _view_struct
+        return type("Detector", (module.Detector,), {"__module__": name, "__del__": lambda _: None})
     raise InputError("no AprilTag detector can be loaded: install the package pyapriltags again")
-
-
-def _view_struct(detector: Any) -> Any:
-    """Return the detector's C struct, whose decimation may be set between two images."""
-    pointer = detector.tag_detector_ptr
-    if not isinstance(pointer, ctypes._Pointer):
-        raise InputError("the AprilTag detector is of an unknown version: install the package pyapriltags again")
-    return pointer.contents
 
 
 def _read_detection(seen: Any) -> Detection:

@@ -80,7 +80,8 @@ def refine(
     compared with the pattern at its own place; linear in (a p, a, b). The pixels' noise is independent, hence the
     covariance of p is σ² (JᵀJ)⁻¹ / a². Not for a first alignment: one step reaches only as far as a blur.
     """
-    region = _region(grey.shape, homography, template.texture_half_width)
+    still = motion_px == (0.0, 0.0)
+    region = _region(grey.shape, homography, template.half_width if still else template.texture_half_width)
     if region is None:
         return None
     left, top, width, height = region

@@ -91,7 +91,7 @@ def join_tags(
     counted from the principal point, times its own scale, and the two may be subtracted. A plane that is tilted
     against the image has another depth at each point; the tags' sizes along their way tell the tilt. Where only one
     tag's size is given, its scale serves for both. An error of a scale is the same in every frame: it is not in
-    `position_std`.
+    `position_std`. The tilt's foreshortening is left: 0.4 % of the lengths along it at 5°.
 
     `--up DEG` is the angle, counter-clockwise as one looks at the image, from the image's up to the true one;
     "reference" takes the mean direction of the reference tag's own up.
@@ -118,7 +118,7 @@ def join_tags(
         fixed = replace(fixed, position=fixed.position - origin)
     count = len(sightings.time_s)
     track = Track(
-        frame=np.arange(count),
+        frame=sightings.frame,
         time_s=sightings.time_s,
         length_unit=unit,
         pcp=tracks.get("pcp", _unseen(count)),

@@ -16,6 +16,10 @@ FRAMES_PER_SAMPLE = 10
 """Neighbouring frames share their error (a codec predicts each from the last): so many count as one."""
 
 
+LEAST_NEARNESS = 0.1
+"""A point ten times as far as the principal point is behind the horizon of any camera that somebody set up."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tilt:
     """A plane's depth over the image: Z = Z₀ / w, w = 1 - g · (p - c), c the principal point.
@@ -37,7 +41,7 @@ class Tilt:
 
     def enlargement(self, offset_px: FloatArray) -> FloatArray:
         """Return how much larger a tag looks there than at the principal point: w^(3/2), the root of its area."""
-        return np.maximum(self.nearness(offset_px), 0.1) ** 1.5
+        return np.maximum(self.nearness(offset_px), LEAST_NEARNESS) ** 1.5
 
 
 def measure_tilt(tags: Sequence[TagSightings], principal_px: FloatArray, *, focal_px: float) -> Tilt:

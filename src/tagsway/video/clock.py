@@ -107,7 +107,7 @@ def fit_clock(
     raw_s: FloatArray = (unique - unique[0]).astype(np.float64) * tick_s
     _refuse_two_rates(raw_s, tick_s)
     fitted = _fit_uniform(raw_s, unique - unique[0], tick_s)
-    places, period_s, rounding_s = fitted or (None, float(np.median(np.diff(raw_s))), tick_s)
+    places, period_s, rounding_s = fitted or (None, float(raw_s[-1]) / (len(raw_s) - 1), tick_s)
     if places is not None and header_hz and abs(header_hz * period_s - 1) * places[-1] * period_s < rounding_s:
         period_s = 1 / header_hz
     scale, source, notices = _choose_rate(1 / period_s, fps_hz, captured_hz)

@@ -106,7 +106,7 @@ class FrameReader(Iterator[Frame]):
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._decode, args=(decoder_threads,), name="decoder", daemon=True)
         self._started = self._ended = False
-        self._read = self._repeated = self._taken = self._damaged = 0
+        self._read = self._taken = 0
         self._size = (0, 0)
         self._interlaced = False
 
@@ -243,7 +243,7 @@ def _open(path: Path | str) -> Any:
         if not file.exists():
             raise InputError(f"{name} does not exist: expected a video file")
         if file.is_dir():
-            raise InputError(f"{name} is a folder: expected a video file (of a folder of images, give FOLDER/%06d.png)")
+            raise InputError(f"{name} is a folder: expected a video file")
         if file.stat().st_size == 0:
             raise InputError(f"{name} is empty: expected a video file; copy it again from the camera")
     try:
@@ -297,13 +297,18 @@ def _read_stamps(container: Any, stream: Any) -> tuple[IntArray, bool, float]:
 
 def _notice_truncated(container: Any, stream: Any, stamps: IntArray, tick_s: float) -> tuple[Notice, ...]:
     """Say so where the header promises more than there is."""
-    expected = int(stream.frames)
-    if not expected and stream.average_rate and container.duration and len(container.streams) == 1:
-        expected = round(container.duration / av.time_base * float(stream.average_rate) * 0.98)
-    if len(stamps) >= expected - 1:
-        return ()
     end_s = float(np.ptp(stamps)) * tick_s
-    words = f"the file ends after {len(stamps)} of {expected} frames, at {end_s:.3f} s: the rest is lost"
+    if stream.frames:
+        whole = len(stamps) >= int(stream.frames) - 1
+        promised = f"{int(stream.frames)} frames"
+    else:
+        # A container without a count states its length; frames that were dropped on the way are not missing at its end.
+        stated_s = float(container.duration or 0) / av.time_base if len(container.streams) == 1 else 0.0
+        whole = end_s + 2 * end_s / max(len(stamps) - 1, 1) >= 0.98 * stated_s
+        promised = f"{stated_s:.3f} s"
+    if whole:
+        return ()
+    words = f"the file ends after {len(stamps)} frames, at {end_s:.3f} s, of {promised}: the rest is lost"
     return (Notice(code="truncated", message=words),)
 
 
