@@ -18,7 +18,8 @@ class Frame:
     time_s : float
         Time of the middle of the frame's exposure, as far as the file tells; 0 at the first frame.
     grey : ndarray of uint8, shape (height, width)
-        Luma in full range (0..255), upright as a player would show it.
+        Luma, upright as a player would show it; in full range (0..255) unless the reader was asked to leave it as it
+        is coded.
     """
 
     index: int
