@@ -11,7 +11,7 @@ import pytest
 from tagsway.errors import InputError
 from tagsway.model import DesignMode, Limits, Move
 from tagsway.shapers import design_shaper
-from tagsway.store.controller import controller_csv, describe_trajectory
+from tagsway.store.controller import controller_text, describe_trajectory
 from tagsway.store.moves import read_move
 from tagsway.trajectories import apply_shaper, check_limits, plan_move, sample_trajectory, slow_down
 
@@ -31,8 +31,13 @@ acceleration_m_s2 = 20
 box_m = [[-1, -1, -1], [1, 1, 0]]
 [robot]
 kind = "delta"
+leg_azimuth_deg = -90
+joint_limits_deg = [[-40, 90]]
 [robot.lengths_m]
+base = 0.2
+platform = 0.045
 upper = 0.348088
+lower = 0.8
 """
 ZV = design_shaper("zv", DesignMode(frequency_hz=2.4727, damping_ratio=3.5146e-4))
 
@@ -105,7 +110,7 @@ def test_a_missing_folder_or_binary_move_file_is_refused(tmp_path):
 
 
 def test_beckhoff_rows_are_index_and_metres_with_nine_decimals(sampled, move):
-    lines = controller_csv(sampled).splitlines()
+    lines = controller_text(sampled).splitlines()
     assert lines[0] == "0;-0.350000000;0.000000000;-0.767000000"
     assert lines[-1] == "1250;0.350000000;0.000000000;-0.767000000"
     assert len(lines) == 1251
@@ -114,7 +119,7 @@ def test_beckhoff_rows_are_index_and_metres_with_nine_decimals(sampled, move):
 
 def test_beckhoff_rows_keep_the_acceleration_through_two_differences(shaped):
     sample_time_s = 0.001
-    rows = read_rows(controller_csv(sample_trajectory(shaped, sample_time_s)))
+    rows = read_rows(controller_text(sample_trajectory(shaped, sample_time_s)))
     difference = np.diff(rows[:, 1:], 2, axis=0) / sample_time_s**2
     time = (np.arange(len(difference)) + 1) * sample_time_s
     # away from the steps, where the difference is an average over both sides
@@ -125,7 +130,7 @@ def test_beckhoff_rows_keep_the_acceleration_through_two_differences(shaped):
 
 
 def test_pva_rows_add_velocity_acceleration_and_direction(sampled):
-    rows = read_rows(controller_csv(sampled, format="beckhoff-pva"))
+    rows = read_rows(controller_text(sampled, format="beckhoff-pva"))
     assert rows.shape == (1251, 13)
     assert rows[:, 4:7] == pytest.approx(sampled.velocity_m_s, abs=5.1e-10)
     assert rows[:, 7:10] == pytest.approx(sampled.acceleration_m_s2, abs=5.1e-10)
@@ -136,7 +141,7 @@ def test_pva_rows_add_velocity_acceleration_and_direction(sampled):
 
 
 def test_plain_csv_has_a_header_with_units(sampled):
-    text = controller_csv(sampled, format="csv")
+    text = controller_text(sampled, format="csv")
     assert text.startswith("index,time_s,x_m,y_m,z_m,vx_m_s,")
     rows = read_rows(text, ",", 1)
     assert rows[-1, 1] == pytest.approx(2.5, abs=1e-9)
@@ -144,12 +149,12 @@ def test_plain_csv_has_a_header_with_units(sampled):
 
 
 def test_an_unknown_format_is_refused(sampled):
-    with pytest.raises(InputError, match="expected beckhoff, beckhoff-pva or csv"):
-        controller_csv(sampled, format="xml")
+    with pytest.raises(InputError, match="expected one of beckhoff, beckhoff-pva, csv, joints, ros"):
+        controller_text(sampled, format="xml")
 
 
 def test_the_description_says_what_the_csv_holds(sampled, shaped, move):
-    text = controller_csv(sampled)
+    text = controller_text(sampled)
     described = describe_trajectory(sampled, check_limits(shaped, plan_move(move), move), text)
     assert json.loads(json.dumps(described, allow_nan=False)) == json.loads(json.dumps(described))
     assert described["schema"] == "tagsway/trajectory/1"
@@ -170,7 +175,7 @@ def test_a_dry_run_is_marked_and_slow(shaped, move):
     sampled = sample_trajectory(slow, 0.002)
     quick = check_limits(shaped, plan_move(move), move)
     report = check_limits(slow, plan_move(move), replace(move, run_time_s=None))
-    described = describe_trajectory(sampled, report, controller_csv(sampled), speed=0.1)
+    described = describe_trajectory(sampled, report, controller_text(sampled), speed=0.1)
     assert described["dry_run"] is True
     assert described["speed"] == 0.1
     assert described["peak_velocity_m_s"][0] == pytest.approx(0.1 * quick.peak_velocity_m_s[0], rel=1e-9)

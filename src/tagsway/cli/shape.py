@@ -6,8 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tagsway.cli.candidates import candidate_csv, candidate_table
+from tagsway.cli.designs import Wish, design, design_by_hand
+from tagsway.cli.modes import NO_TARGET, Target, read_target
 from tagsway.errors import InputError
-from tagsway.model import DesignMode, Shaper, Spread
+from tagsway.model import Shaper
 
 if TYPE_CHECKING:
     from tagsway.pipeline.shaping import PlannedMove
@@ -22,6 +25,15 @@ class ShaperFormat(StrEnum):
 
     JSON = "json"
     CSV = "csv"
+    KLIPPER = "klipper"
+
+
+class KlipperAxes(StrEnum):
+    """Which axes of a printer the mode is of."""
+
+    X = "x"
+    Y = "y"
+    BOTH = "xy"
 
 
 class TrajectoryFormat(StrEnum):
@@ -30,42 +42,91 @@ class TrajectoryFormat(StrEnum):
     BECKHOFF = "beckhoff"
     BECKHOFF_PVA = "beckhoff-pva"
     CSV = "csv"
+    JOINTS = "joints"
+    ROS = "ros"
 
 
 def shaper(
-    result: Annotated[Path | None, typer.Option("--from", help="result.json of a measurement.")] = None,
-    frequency: Annotated[float | None, typer.Option(help="Undamped natural frequency in Hz.")] = None,
-    damping: Annotated[float | None, typer.Option(help="Damping ratio.")] = None,
-    kind: Annotated[str, typer.Option("--type", help="Type of the shaper.")] = "zv",
+    origin: Annotated[
+        Path | None, typer.Option("--from", help="result.json of a measurement, or measurements.csv of many.")
+    ] = None,
+    frequency: Annotated[
+        list[float] | None, typer.Option(help="Undamped natural frequency in Hz; again for each further mode.")
+    ] = None,
+    damping: Annotated[list[float] | None, typer.Option(help="Damping ratio; again for each further mode.")] = None,
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--type",
+            help="zv, zvd, ei, fir-zv … (an unknown one lists them); zv-ei for two modes, or simultaneous; all: a "
+            "table and a figure of every type; auto: the shortest that keeps the tolerance over the spread.",
+        ),
+    ] = "zv",
     frequency_spread: Annotated[
         float | None, typer.Option(help="Standard deviation of f_n between repeats, in percent.")
     ] = None,
-    form: Annotated[ShaperFormat, typer.Option("--format", help="How to print it.")] = ShaperFormat.JSON,
+    tolerance: Annotated[
+        float, typer.Option(help="Allowed residual vibration, a share of the swing: for auto, si, ei and its kin.")
+    ] = 0.05,
+    band: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="By how many percent f_n may be off: for si, and for auto with several modes, once for each."
+        ),
+    ] = None,
+    move_duration: Annotated[
+        float | None, typer.Option(help="Of the unshaped move in s: for ztd-zvd, mztd-zvd.")
+    ] = None,
+    impulses: Annotated[
+        str | None, typer.Option(help="A shaper by hand instead of --type: TIME:AMPLITUDE,TIME:AMPLITUDE … in s.")
+    ] = None,
+    sample_time: Annotated[
+        float | None, typer.Option(help="In ms: puts the impulses on the controller's samples, exact at the mode.")
+    ] = None,
+    form: Annotated[
+        ShaperFormat | None, typer.Option("--format", help="How to print it.", show_default="json, or a table for all")
+    ] = None,
+    axes: Annotated[KlipperAxes, typer.Option("--axis", help="For klipper: the axes that sway so.")] = KlipperAxes.X,
+    out: Annotated[Path, typer.Option(help="For all: the figure, a PNG.")] = Path("shapers.png"),
 ) -> None:
-    """Design an input shaper for a measured or a stated mode, and print it."""
-    from tagsway.shapers import design_shaper
-    from tagsway.store.documents import dump, shaper_document
+    """Design an input shaper for a measured or a stated mode, or several, and print it."""
+    from tagsway.shapers import place_on_grid
 
-    mode, source = _stated_mode(frequency, damping) if result is None else _measured_mode(result, frequency, damping)
-    if frequency_spread is not None and not frequency_spread > 0:
-        raise InputError(f"--frequency-spread is {frequency_spread:g}: expected a standard deviation in percent, > 0")
-    spread = None
-    if frequency_spread is not None:
-        spread = Spread(source="--frequency-spread", natural_frequency_std_percent=frequency_spread, n=None)
-    designed = design_shaper(kind, mode, spread=spread, source=source)
-    typer.echo(_impulse_table(designed) if form is ShaperFormat.CSV else dump(shaper_document(designed)), nl=False)
+    modeless = impulses is not None and origin is None and not frequency and not damping
+    target = NO_TARGET if modeless else read_target(origin, frequency or [], damping or [], frequency_spread)
+    wish = Wish(tolerance=tolerance, bands=band or [], move_duration_s=move_duration)
+    if kind == "all" and impulses is None:
+        typer.echo(_compare(target, wish, form, out), nl=False)
+        return
+    designed = design(kind, target, wish) if impulses is None else design_by_hand(impulses, target)
+    if sample_time is not None:
+        if not sample_time > 0:
+            raise InputError(f"--sample-time is {sample_time:g}: expected the controller's cycle in ms, > 0")
+        designed = place_on_grid(designed, sample_time / 1e3)
+    typer.echo(_print_shaper(designed, form or ShaperFormat.JSON, axes), nl=False)
 
 
 def trajectory(
     move: Annotated[Path, typer.Option(help="move.toml.")],
     shaper: Annotated[str, typer.Option(help="shaper.json, or none for the unshaped move.")],
-    out: Annotated[Path, typer.Option(help="The controller's file; its description lies beside it.")] = Path(
-        "trajectory.csv"
-    ),
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The controller's file; its description lies beside it.",
+            show_default="trajectory.csv, or trajectory.yaml for ros",
+        ),
+    ] = None,
     form: Annotated[TrajectoryFormat, typer.Option("--format", help="What the controller takes.")] = (
         TrajectoryFormat.BECKHOFF
     ),
     speed: Annotated[float, typer.Option(help="Share of the speed, up to 1: a dry run of the same path.")] = 1.0,
+    joint_rate: Annotated[
+        float | None,
+        typer.Option(
+            help="For joints and ros: the rate in Hz to which the joints are interpolated, such as 8000.",
+            show_default="the move's sample time",
+        ),
+    ] = None,
 ) -> None:
     """Plan a move, shape it, check its limits, and write what the controller runs."""
     from tagsway.pipeline.shaping import plan_shaped_move
@@ -75,8 +136,15 @@ def trajectory(
 
     if not SLOWEST <= speed <= 1:
         raise InputError(f"--speed is {speed:g}: expected a share of the planned speed, from {SLOWEST:g} to 1")
+    in_joints = form in (TrajectoryFormat.JOINTS, TrajectoryFormat.ROS)
+    if joint_rate is not None and not in_joints:
+        raise InputError(
+            f"--joint-rate is {joint_rate:g} Hz, but --format {form} holds no joints: expected joints or ros"
+        )
+    if out is None:
+        out = Path("trajectory.yaml" if form is TrajectoryFormat.ROS else "trajectory.csv")
     if out.suffix == ".json":
-        raise InputError(f"--out {out}: its description takes that name; give a name that ends in .csv")
+        raise InputError(f"--out is {out}: its description would take its place; give another ending, such as .csv")
     check_writable(out.parent)
     for target in (out, out.with_suffix(".json")):
         for file in (move, Path(shaper)):
@@ -85,7 +153,7 @@ def trajectory(
         if target.is_dir():
             raise InputError(f"--out {out}: {target} is a folder; give another name")
     designed = None if shaper == "none" else read_shaper(Path(shaper))
-    planned = plan_shaped_move(read_move(move), designed, speed=speed)
+    planned = plan_shaped_move(read_move(move), designed, speed=speed, joint_rate_hz=joint_rate)
     text, description = planned.files(form=form.value)
     described = dump(description)
     write_text(out, text)
@@ -93,24 +161,51 @@ def trajectory(
     typer.echo("\n".join(_lines(planned, out)))
 
 
-def _stated_mode(frequency: float | None, damping: float | None) -> tuple[DesignMode, str]:
-    if frequency is None or damping is None:
-        raise InputError("a shaper needs a mode: give --from result.json, or both --frequency HZ and --damping RATIO")
-    return DesignMode(frequency_hz=frequency, damping_ratio=damping), "given"
+def _compare(target: Target, wish: Wish, form: ShaperFormat | None, out: Path) -> str:
+    """Write the figure of every candidate and return their table."""
+    import numpy as np
+
+    from tagsway.report.candidates import write_candidates
+    from tagsway.shapers import compare_shapers, residual_curve
+    from tagsway.store.atomic import check_writable
+    from tagsway.store.documents import dump, shaper_document
+
+    if form is ShaperFormat.KLIPPER:
+        raise InputError("--format klipper prints one shaper, not all: give --type zv or another, or --format csv")
+    if out.suffix.lower() != ".png":
+        raise InputError(f"--out is {out}: the figure is a PNG, expected a name that ends in .png")
+    check_writable(out.parent)
+    mode = target.mode
+    found = compare_shapers(
+        mode,
+        tolerance=wish.tolerance,
+        spread=target.spread,
+        move_duration_s=wish.move_duration_s,
+        source=target.source,
+    )
+    shapers = [price.shaper for price in found.prices]
+    frequency = mode.frequency_hz * np.linspace(0.4, 1.6, 481)
+    write_candidates(shapers, [residual_curve(each, frequency, mode.damping_ratio) for each in shapers], out)
+    for notice in found.missing:
+        typer.echo(f"not for this mode: {notice.message}", err=True)
+    typer.echo(f"figure written to {out}", err=True)
+    if form is ShaperFormat.JSON:
+        return dump([shaper_document(each) for each in shapers])
+    return candidate_csv(found.prices) if form is ShaperFormat.CSV else candidate_table(found.prices)
 
 
-def _measured_mode(path: Path, frequency: float | None, damping: float | None) -> tuple[DesignMode, str]:
-    from tagsway.store.documents import read_result
+def _print_shaper(designed: Shaper, form: ShaperFormat, axes: KlipperAxes) -> str:
+    from tagsway.store.documents import dump, shaper_document
+    from tagsway.store.klipper import klipper_section
 
-    if frequency is not None or damping is not None:
-        raise InputError("--from and --frequency/--damping contradict each other: give one or the other")
-    measured = read_result(path).shaper
-    if measured is None:
-        raise InputError(f"{path} holds no mode to design for: its status is not_determined")
-    return measured.modes[0], measured.source
-
-
-def _impulse_table(designed: Shaper) -> str:
+    if form is ShaperFormat.KLIPPER:
+        return klipper_section(designed, axes=axes.value)
+    if form is ShaperFormat.JSON:
+        return dump(shaper_document(designed))
+    if designed.box_s is not None or designed.filter is not None:
+        raise InputError(
+            f"--format csv holds impulses alone, but {designed.type} has a prefilter too: use --format json"
+        )
     rows = [f"{impulse.time_s:.9f},{impulse.amplitude:.9f}" for impulse in designed.impulses]
     return "\n".join(["time_s,amplitude", *rows]) + "\n"
 
@@ -123,6 +218,8 @@ def _lines(planned: "PlannedMove", out: Path) -> list[str]:
         f"largest acceleration {max(report.peak_acceleration_m_s2):.3g} m/s² on an axis, "
         f"largest velocity {max(report.peak_velocity_m_s):.3g} m/s",
     ]
+    if planned.joints is not None and planned.joints.turn:
+        lines.append(f"margin to the nearest singularity {planned.joints.singularity_margin:.2f} of 1")
     if planned.speed < 1:
         lines.append(f"a dry run at {100 * planned.speed:g} % of the speed")
     return [*lines, *(f"warning: {notice.message}" for notice in planned.notices)]

@@ -32,7 +32,7 @@ from tagsway.model.modal import (
     ModeEstimate,
     Window,
 )
-from tagsway.model.move import Limits, Move, Robot
+from tagsway.model.move import ArcThrough, Limits, Move, Robot
 from tagsway.model.pendulum import GRAVITY_M_S2, Implied, Pendulum, PendulumEstimate
 from tagsway.model.result import (
     CoordinateFrame,
@@ -46,12 +46,13 @@ from tagsway.model.settings import Settings
 from tagsway.model.shaper import DesignMode, DigitalFilter, Impulse, Residual, Shaper, Spread
 from tagsway.model.tags import Detection, Sighting, Sightings, TagSightings
 from tagsway.model.track import SCALE_STD, CleanTagTrack, CleanTrack, TagTrack, Track
-from tagsway.model.trajectory import SampledTrajectory, Trajectory
+from tagsway.model.trajectory import JointPath, SampledTrajectory, Trajectory
 from tagsway.model.video import Frame, VideoInfo
 
 __all__ = [
     "GRAVITY_M_S2",
     "SCALE_STD",
+    "ArcThrough",
     "BackbonePoint",
     "BoolArray",
     "Bound",
@@ -75,6 +76,7 @@ __all__ = [
     "Impulse",
     "Indicators",
     "IntArray",
+    "JointPath",
     "Limits",
     "ModalEstimate",
     "Mode",

@@ -1,6 +1,7 @@
 """A motion in time: piecewise polynomials that can be evaluated at any time and order."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -81,3 +82,35 @@ class SampledTrajectory:
     velocity_m_s: FloatArray
     acceleration_m_s2: FloatArray
     moving_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointPath:
+    """A trajectory as the robot's joints run it.
+
+    Parameters
+    ----------
+    sample_time_s : float
+        Between two samples.
+    names : tuple of str
+        Of the joints.
+    units : tuple of {"rad", "m"}
+        Of each joint's position: an angle, or the way of a sliding axis.
+    position, velocity, acceleration : ndarray, shape (n, 3)
+        Of each joint, in its unit, per s and per s².
+    singularity_margin : float
+        The least along the path: 1 far from every singularity, 0 on one.
+    """
+
+    sample_time_s: float
+    names: tuple[str, ...]
+    units: tuple[Literal["rad", "m"], ...]
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    singularity_margin: float
+
+    @property
+    def turn(self) -> bool:
+        """Whether any joint turns: a cartesian robot's only slide."""
+        return "rad" in self.units

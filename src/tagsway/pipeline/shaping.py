@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from tagsway.model import Move, Notice, SampledTrajectory, Shaper, TrajectoryCurve
-from tagsway.store.controller import controller_csv, describe_trajectory
-from tagsway.trajectories import MotionReport, apply_shaper, check_limits, plan_move, sample_trajectory, slow_down
+from tagsway.model import JointPath, Move, Notice, SampledTrajectory, Shaper, TrajectoryCurve
+from tagsway.robots import plan_joints
+from tagsway.store.controller import controller_text, describe_trajectory
+from tagsway.trajectories import MotionReport, check_limits, plan_move, plan_shaped, sample_trajectory, slow_down
 
 CURVE_SAMPLES = 1000
 
@@ -20,6 +21,8 @@ class PlannedMove:
     ----------
     sampled : SampledTrajectory
         On the controller's grid.
+    joints : JointPath or None
+        The same motion in the robot's joints; None where the robot's lengths are not given.
     report : MotionReport
         What it asks of the robot, and which limits it keeps.
     curve : TrajectoryCurve
@@ -29,6 +32,7 @@ class PlannedMove:
     """
 
     sampled: SampledTrajectory
+    joints: JointPath | None
     report: MotionReport
     curve: TrajectoryCurve
     speed: float
@@ -48,11 +52,13 @@ class PlannedMove:
 
     def files(self, *, form: str = "beckhoff") -> tuple[str, dict[str, Any]]:
         """Return the text of trajectory.csv and what trajectory.json says of it."""
-        text = controller_csv(self.sampled, format=form)
-        return text, describe_trajectory(self.sampled, self.report, text, format=form, speed=self.speed)
+        text = controller_text(self.sampled, self.joints, format=form)
+        return text, describe_trajectory(self.sampled, self.report, text, self.joints, format=form, speed=self.speed)
 
 
-def plan_shaped_move(move: Move, shaper: Shaper | None, *, speed: float = 1.0) -> PlannedMove:
+def plan_shaped_move(
+    move: Move, shaper: Shaper | None, *, speed: float = 1.0, joint_rate_hz: float | None = None
+) -> PlannedMove:
     """Plan a move, shape it, check its limits and sample it.
 
     Parameters
@@ -63,6 +69,8 @@ def plan_shaped_move(move: Move, shaper: Shaper | None, *, speed: float = 1.0) -
         None leaves the move unshaped.
     speed : float
         In (0, 1]: the same path, slower; the limits are checked for the slow motion.
+    joint_rate_hz : float, optional
+        At which the joints are interpolated; by default at the move's sample time.
 
     Returns
     -------
@@ -72,17 +80,20 @@ def plan_shaped_move(move: Move, shaper: Shaper | None, *, speed: float = 1.0) -
     Raises
     ------
     InputError
-        For a move that cannot be planned, shaped or sampled.
+        For a move that cannot be planned, shaped or sampled, or that the robot cannot follow.
     """
     unshaped = plan_move(move)
-    shaped = unshaped if shaper is None else apply_shaper(unshaped, shaper, move.shaped_axes)
+    shaped = unshaped if shaper is None else plan_shaped(move, shaper)
     run_time_s = move.run_time_s
     if speed != 1.0:
         unshaped, shaped = slow_down(unshaped, speed), slow_down(shaped, speed)
         run_time_s = None if run_time_s is None else run_time_s / speed
     time = np.linspace(0, shaped.duration_s, CURVE_SAMPLES)
+    sampled = sample_trajectory(shaped, move.sample_time_ms / 1e3, run_time_s=run_time_s)
+    known = move.robot.kind == "cartesian" or move.robot.lengths_m
     return PlannedMove(
-        sampled=sample_trajectory(shaped, move.sample_time_ms / 1e3, run_time_s=run_time_s),
+        sampled=sampled,
+        joints=plan_joints(sampled, move.robot, rate_hz=joint_rate_hz) if known else None,
         report=check_limits(shaped, unshaped, move),
         curve=TrajectoryCurve(
             time_s=time,

@@ -297,7 +297,7 @@ def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, .
     written = []
     for name, plot in _plots(result, curves).items():
         written.append(folder / f"{name}.png")
-        _save(plot(), written[-1])
+        save_figure(plot(), written[-1])
     return tuple(written)
 
 
@@ -323,7 +323,8 @@ def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
     return plots
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG, whole or not at all; the same figure gives the same bytes."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=".png")
     temporary = Path(name)
     try:

@@ -1,6 +1,5 @@
 """track.csv, and tracks that others wrote."""
 
-import csv
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ import pandas as pd
 
 from tagsway.errors import InputError
 from tagsway.model import CleanTagTrack, CleanTrack, FloatArray, TagTrack, Track
+from tagsway.store.tables import read_table
 
 TAGS = ("tcp", "pcp", "reference")
 
@@ -104,7 +104,7 @@ def read_track(path: Path, *, columns: tuple[str, ...] | None = None) -> Track:
     InputError
         Where the file is no such table, or its times do not rise.
     """
-    table = _read_table(path)
+    table = read_table(path, expected="a CSV with a time in s and positions in mm")
     if columns is None and "time_s" in table and {"pcp_x_mm", "pcp_x_px"} & set(table.columns):
         return _own_track(table, path)
     time_name, x_name, *z_name = columns if columns is not None else _guess_columns(table, path)
@@ -162,25 +162,6 @@ def _checked(index: Any, time_s: FloatArray, unit: Any, tags: dict[str, TagTrack
     if not np.all(steps > 0):
         raise InputError(f"{path}: the time does not rise at row {int(np.argmin(steps > 0)) + 3}; sort the rows")
     return quantise(Track(frame=np.asarray(index, dtype=np.int64), time_s=time_s, length_unit=unit, **tags))
-
-
-def _read_table(path: Path) -> pd.DataFrame:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise InputError(f"{path}: {(fault.strerror or 'cannot be read').lower()}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not a text table; give a CSV with a time in s and positions in mm") from None
-    if not text.strip():
-        raise InputError(f"{path} is empty; give a CSV with a time in s and positions in mm")
-    header = text.lstrip().splitlines()[0]
-    delimiter = max(",;\t", key=header.count)
-    try:
-        table = pd.read_csv(io.StringIO(text), sep=delimiter, skipinitialspace=True, quoting=csv.QUOTE_MINIMAL)
-    except (pd.errors.ParserError, ValueError) as fault:
-        raise InputError(f"{path} cannot be read as a table: {str(fault).strip().splitlines()[0]}") from None
-    table.columns = pd.Index([str(name).strip() for name in table.columns])
-    return table
 
 
 def _guess_columns(table: pd.DataFrame, path: Path) -> tuple[str, ...]:

@@ -99,7 +99,7 @@ def check_limits(shaped: Trajectory, unshaped: Trajectory, move: Move) -> Motion
     MotionReport
         Its `notices` name each limit that is broken. Peaks are those of the polynomials, not of samples.
     """
-    velocity, acceleration, jerk = (_peaks(shaped, order) for order in (1, 2, 3))
+    velocity, acceleration, jerk = (find_peaks(shaped, order) for order in (1, 2, 3))
     steps = _acceleration_steps(shaped) > STEP_SHARE * max(acceleration[3], 1e-300)
     lost = _lost_vertical(shaped, move)
     deviation = _path_deviation(shaped, unshaped)
@@ -163,7 +163,7 @@ def _check_box(trajectory: Trajectory, box_m: tuple[Axes, Axes] | None) -> Limit
     if box_m is None:
         return None
     low, high = np.array(box_m)
-    values = [_extremes(trajectory.coefficients[..., [i]], trajectory) for i in range(3)]
+    values = [find_extremes(trajectory.coefficients[..., [i]], trajectory) for i in range(3)]
     reached = np.array([[value.min(), value.max()] for value in values]).T
     slack = ROUNDING * np.maximum(1.0, np.abs(high - low))
     outside = (reached[0] < low - slack) | (reached[1] > high + slack)
@@ -179,29 +179,30 @@ def _check_box(trajectory: Trajectory, box_m: tuple[Axes, Axes] | None) -> Limit
     )
 
 
-def _peaks(trajectory: Trajectory, order: int) -> tuple[float, float, float, float]:
+def find_peaks(trajectory: Trajectory, order: int) -> tuple[float, float, float, float]:
     """Return the largest magnitude of a derivative on x, on y, on z, and of the vector."""
     coefficients = slopes(trajectory, order)
-    x, y, z = (float(np.max(np.abs(_extremes(coefficients[..., [i]], trajectory)))) for i in range(3))
-    vector = float(np.max(np.linalg.norm(_extremes(coefficients, trajectory), axis=1)))
+    x, y, z = (float(np.max(np.abs(find_extremes(coefficients[..., [i]], trajectory)))) for i in range(3))
+    vector = float(np.max(np.linalg.norm(find_extremes(coefficients, trajectory), axis=1)))
     return x, y, z, vector
 
 
-def _extremes(coefficients: FloatArray, trajectory: Trajectory) -> FloatArray:
+def find_extremes(coefficients: FloatArray, trajectory: Trajectory) -> FloatArray:
     """Return the values of all pieces at their ends and where their squared norm is stationary, shape (m, axes)."""
     lengths = np.diff(trajectory.breaks_s)
     scaled = coefficients * (lengths[:, None] ** np.arange(coefficients.shape[1]))[..., None]
-    return np.concatenate([polynomial.polyval(np.fromiter(_stationary(piece), float), piece).T for piece in scaled])
+    return np.concatenate(
+        [polynomial.polyval(np.fromiter(stationary_points(piece), float), piece).T for piece in scaled]
+    )
 
 
-def _stationary(piece: FloatArray) -> Iterator[float]:
+def stationary_points(piece: FloatArray) -> Iterator[float]:
     """Yield 0, 1 and the stationary points between them of the squared norm of one piece, shape (n, axes)."""
     yield from (0.0, 1.0)
-    # What is linear in time, or constant, has its extremes at its ends.
-    if len(piece) <= 2:
+    if len(piece) <= 1:
         return
     slope = polynomial.polyder(np.sum([np.convolve(axis, axis) for axis in piece.T], axis=0))
-    trimmed = polynomial.polytrim(slope, tol=1e-13 * float(np.max(np.abs(slope))))
+    trimmed = polynomial.polytrim(slope, tol=1e-13 * float(np.max(np.abs(slope), initial=0.0)))
     for candidate in polynomial.polyroots(trimmed) if len(trimmed) > 1 else ():
         if abs(candidate.imag) < 1e-7 and 0 < candidate.real < 1:
             yield float(candidate.real)

@@ -8,10 +8,13 @@ import numpy as np
 from scipy.special import comb
 
 from tagsway.errors import InputError
-from tagsway.model import FloatArray, Trajectory
+from tagsway.model import FloatArray, Shaper, Trajectory
 
 SHORTEST_PIECE_S = 1e-12
 """Breaks that lie closer than this are one break; at 10 m/s it shifts a position by 0.01 nm."""
+
+LONGEST_FACTOR = 1e9
+"""A move of more seconds is one of mistyped limits."""
 
 
 def join_phases(start_m: Sequence[float], phases: Iterable[tuple[float, FloatArray]]) -> Trajectory:
@@ -110,6 +113,8 @@ def combine(horizontal: Trajectory, vertical: Trajectory) -> Trajectory:
 
 def stretch(trajectory: Trajectory, factor: float) -> Trajectory:
     """Return the same path, `factor` times as slow."""
+    if not SHORTEST_PIECE_S < factor < LONGEST_FACTOR:
+        raise InputError(f"a move over {factor:.3g} s cannot be planned: check its points and its limits")
     powers = factor ** np.arange(trajectory.coefficients.shape[1])
     return Trajectory(breaks_s=trajectory.breaks_s * factor, coefficients=trajectory.coefficients / powers[:, None])
 
@@ -132,6 +137,15 @@ def average(trajectory: Trajectory, box_s: float) -> Trajectory:
     gain = np.sum(integral * np.diff(breaks)[:, None, None] ** np.arange(change.shape[1] + 1)[:, None], axis=1)
     integral[:, 0] = start + np.concatenate([np.zeros((1, 3)), np.cumsum(gain, axis=0)[:-1]])
     return Trajectory(breaks_s=breaks, coefficients=integral)
+
+
+def shape_axes(trajectory: Trajectory, shaper: Shaper) -> Trajectory:
+    """Return a trajectory convolved with the impulses and the box of a shaper, alike on every axis."""
+    time = np.array([impulse.time_s for impulse in shaper.impulses])
+    amplitude = np.array([impulse.amplitude for impulse in shaper.impulses])
+    # Their sum is 1 to 1e-9 only, and an end point should be exact.
+    shaped = convolve(trajectory, time, amplitude / math.fsum(amplitude))
+    return shaped if shaper.box_s is None else average(shaped, shaper.box_s)
 
 
 def slopes(trajectory: Trajectory, order: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Straight moves from rest to rest, and the one ramp that all of them and the pick-and-place are made of."""
+"""Straight moves from rest to rest, and the ramp that the pick-and-place is made of."""
 
 import math
 
@@ -6,7 +6,8 @@ import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.model import FloatArray, Move, Trajectory
-from tagsway.trajectories.pieces import join_phases, stretch
+from tagsway.trajectories.feeds import lay_along, plan_feed
+from tagsway.trajectories.pieces import stretch
 
 
 def ramp(
@@ -41,23 +42,37 @@ def ramp(
 
 
 def plan_bang_bang(move: Move) -> Trajectory:
-    """Plan a straight move at full acceleration, then full deceleration; it cruises where `max_velocity_m_s` is met."""
-    refuse_jerk_limit(move)
+    """Plan a straight move at full acceleration, then full deceleration.
+
+    It cruises where `max_velocity_m_s` is met, and with `max_jerk_m_s3` it is the S-curve.
+    """
     distance, direction = straight_line(move)
-    phases = ramp(
+    feed = plan_feed(
         distance,
-        speed_in_m_s=0.0,
-        speed_out_m_s=0.0,
-        acceleration_m_s2=move.max_acceleration_m_s2,
         max_velocity_m_s=velocity_limit(move),
+        max_acceleration_m_s2=move.max_acceleration_m_s2,
+        max_jerk_m_s3=math.inf if move.max_jerk_m_s3 is None else move.max_jerk_m_s3,
     )
-    return join_phases(move.from_m, [(duration, a * direction) for duration, a in phases])
+    return lay_along(feed, np.array(move.from_m, dtype=float), direction)
 
 
 def plan_trapezoid(move: Move) -> Trajectory:
     """Plan a straight move whose velocity is a trapezoid: a bang-bang that cruises at `max_velocity_m_s`."""
     if move.max_velocity_m_s is None:
         raise InputError("the profile trapezoid needs max_velocity_m_s, the speed at which it cruises")
+    return plan_bang_bang(move)
+
+
+def plan_s_curve(move: Move) -> Trajectory:
+    """Plan a straight move of limited jerk, of up to seven phases: the quickest that keeps all three limits.
+
+    Notes
+    -----
+    Where the jerk time a/j is the damped period of a mode, its acceleration is a rectangle averaged over that period,
+    and the mode stays at rest but for its damping: max_jerk_m_s3 = a f_d.
+    """
+    if move.max_jerk_m_s3 is None:
+        raise InputError("the profile s-curve needs max_jerk_m_s3, the jerk that it keeps")
     return plan_bang_bang(move)
 
 
@@ -82,13 +97,18 @@ def plan_quintic(move: Move) -> Trajectory:
 
 def straight_line(move: Move) -> tuple[float, FloatArray]:
     """Return the length of the way and its unit vector; refuse heights, which a straight line does not have."""
-    if move.pick_height_m > 0 or move.place_height_m > 0:
-        raise InputError(
-            f"the profile {move.profile} is a straight line: pick_height_m and place_height_m need pick-and-place"
-        )
+    refuse_heights(move)
     way = np.array(move.to_m) - np.array(move.from_m)
     distance = float(np.linalg.norm(way))
     return distance, way / distance
+
+
+def refuse_heights(move: Move) -> None:
+    """Raise an InputError where a move without vertical ends is given heights."""
+    if move.pick_height_m > 0 or move.place_height_m > 0:
+        raise InputError(
+            f"the profile {move.profile} has no vertical ends: pick_height_m and place_height_m need pick-and-place"
+        )
 
 
 def velocity_limit(move: Move) -> float:
@@ -101,5 +121,5 @@ def refuse_jerk_limit(move: Move) -> None:
     if move.max_jerk_m_s3 is not None:
         raise InputError(
             f"the profile {move.profile} steps from one acceleration to the next: it cannot keep "
-            f"max_jerk_m_s3 = {move.max_jerk_m_s3:g}; leave it out or use quintic"
+            f"max_jerk_m_s3 = {move.max_jerk_m_s3:g}; leave it out, or use s-curve, quintic or b-spline"
         )

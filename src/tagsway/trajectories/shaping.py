@@ -1,12 +1,12 @@
 """A shaper laid over a move."""
 
-import math
-
 import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.model import FloatArray, Shaper, Trajectory
-from tagsway.trajectories.pieces import average, combine, convolve, insert_hold, slopes, stretch
+from tagsway.trajectories.feed_rate import shape_feed_rate
+from tagsway.trajectories.filtering import apply_filter
+from tagsway.trajectories.pieces import combine, insert_hold, shape_axes, slopes, stretch
 
 MOST_DRIFT_M = 1e-9
 """How far z may run during its hold if it went on as it was."""
@@ -26,39 +26,43 @@ def apply_shaper(trajectory: Trajectory, shaper: Shaper, axes: tuple[str, ...]) 
         Impulses and perhaps a box; its time scale stretches the move first.
     axes : tuple of str
         ("x",): x and y are shaped, z is held at mid-move for the shaper's length and then goes on: the vertical ends
-        stay vertical. ("x", "z"): all three are shaped; x then starts before the lift is over. ("path",): all three,
-        where the path is a straight line. (): the move as it is.
+        stay vertical. ("x", "z"): all three are shaped; x then starts before the lift is over. ("path",): the feed rate
+        along the path, which stays as it is. (): the move as it is.
 
     Returns
     -------
     Trajectory
-        Longer by the shaper's duration; it starts and ends at the same points, at rest.
+        Longer by the shaper's duration (a filter's tail in it, or more where it would still be 1 µm off); it starts
+        and ends at the same points, at rest.
 
     Raises
     ------
     InputError
-        Where z moves at mid-move, for axes that are none of these, and for a shaper with a filter.
+        Where z moves at mid-move, for axes that are none of these, for a filter that does not settle at 1, and where
+        the feed rate of a bent path cannot be shaped.
 
     Notes
     -----
     The sum of delayed pieces is again a piecewise polynomial, so nothing is rounded to a grid: an impulse between two
-    samples loses nothing. Shaping the position, its velocity or its acceleration is the same thing.
+    samples loses nothing. Shaping the position, its velocity or its acceleration is the same thing. What is no
+    polynomial (a filter's response, a shaped feed rate around a bend) is fitted within 1e-10 m.
     """
-    if shaper.filter is not None:
-        raise InputError("a shaper with a filter cannot be laid over a move exactly: use one of impulses and a box")
     if not axes:
         return trajectory
     if shaper.box_s is not None and not shaper.box_s >= SHORTEST_BOX_S:
         raise InputError(f"a shaper's box of {shaper.box_s:g} s is too short: expected a period, or none")
     scaled = trajectory if shaper.time_scale == 1 else stretch(trajectory, shaper.time_scale)
-    if set(axes) == {"x"}:
-        held = insert_hold(scaled, _hold_time(scaled, shaper.duration_s), shaper.duration_s)
-        return combine(_shape(scaled, shaper), held)
     if set(axes) == {"path"}:
-        _check_straight(scaled)
-    elif set(axes) != {"x", "z"}:
+        return shape_feed_rate(scaled, shaper)
+    if set(axes) not in ({"x"}, {"x", "z"}):
         raise InputError(f"shaped_axes is {list(axes)}: expected ['x'], ['x', 'z'], ['path'] or []")
-    return _shape(scaled, shaper)
+    shaped = shape_axes(scaled, shaper)
+    if shaper.filter is not None:
+        shaped = apply_filter(shaped, shaper.filter, tail_s=shaper.tail_s)
+    if set(axes) == {"x", "z"}:
+        return shaped
+    longer = shaped.duration_s - scaled.duration_s
+    return combine(shaped, insert_hold(scaled, _hold_time(scaled, longer), longer))
 
 
 def slow_down(trajectory: Trajectory, speed: float) -> Trajectory:
@@ -79,14 +83,6 @@ def slow_down(trajectory: Trajectory, speed: float) -> Trajectory:
     if not 0 < speed <= 1:
         raise InputError(f"a speed of {speed:g} cannot be run: expected more than 0 and at most 1")
     return trajectory if speed == 1 else stretch(trajectory, 1 / speed)
-
-
-def _shape(trajectory: Trajectory, shaper: Shaper) -> Trajectory:
-    time = np.array([impulse.time_s for impulse in shaper.impulses])
-    amplitude = np.array([impulse.amplitude for impulse in shaper.impulses])
-    # Their sum is 1 to 1e-9 only, and an end point should be exact.
-    shaped = convolve(trajectory, time, amplitude / math.fsum(amplitude))
-    return shaped if shaper.box_s is None else average(shaped, shaper.box_s)
 
 
 def _hold_time(trajectory: Trajectory, length_s: float) -> float:
@@ -111,16 +107,3 @@ def _evaluate(coefficients: FloatArray, offset_s: FloatArray) -> FloatArray:
     powers = offset_s[:, None] ** np.arange(coefficients.shape[1])
     value: FloatArray = np.sum(coefficients * powers, axis=1)
     return value
-
-
-def _check_straight(trajectory: Trajectory) -> None:
-    """Raise an InputError where the path bends: its feed rate then has no axis of its own."""
-    start = trajectory(0.0)
-    way = trajectory(trajectory.duration_s) - start
-    direction = way / np.linalg.norm(way)
-    steps = trajectory.coefficients.copy()
-    steps[:, 0] -= start
-    across = steps - (steps @ direction)[..., None] * direction
-    lengths = np.diff(trajectory.breaks_s)[:, None, None] ** np.arange(steps.shape[1])[:, None]
-    if np.max(np.abs(across * lengths)) > MOST_DRIFT_M:
-        raise InputError("shaped_axes ['path'] needs a straight path, and this one bends: use ['x'] or ['x', 'z']")
