@@ -10,6 +10,7 @@ import pytest
 
 from tagsway.errors import InputError
 from tagsway.model import DesignMode, Limits, Move
+from tagsway.pipeline.shaping import plan_shaped_move
 from tagsway.shapers import design_shaper
 from tagsway.store.controller import controller_text, describe_trajectory
 from tagsway.store.moves import read_move
@@ -180,3 +181,20 @@ def test_a_dry_run_is_marked_and_slow(shaped, move):
     assert described["speed"] == 0.1
     assert described["peak_velocity_m_s"][0] == pytest.approx(0.1 * quick.peak_velocity_m_s[0], rel=1e-9)
     assert described["end"] == pytest.approx(list(move.to_m), abs=1e-12)
+
+
+def test_tau_is_reported_by_both_definitions(tmp_path) -> None:
+    move = Move(
+        from_m=(-0.35, 0.0, -0.767),
+        to_m=(0.35, 0.0, -0.767),
+        pick_height_m=0.05,
+        place_height_m=0.05,
+        max_acceleration_m_s2=5.0,
+    )
+    zv = design_shaper("zv", DesignMode(frequency_hz=2.4727, damping_ratio=3.5146e-4))
+    ratio = plan_shaped_move(move, zv).files()[1]["shaper_ratio"]
+    # Published values: .4215 s with the blend, .2215 s without.
+    assert ratio["acceleration_s"] == pytest.approx(0.4215, abs=5e-5)
+    assert ratio["level_acceleration_s"] == pytest.approx(0.2215, abs=5e-5)
+    assert ratio["with_blend"] == pytest.approx(0.202208 / 0.42151, rel=1e-4)
+    assert plan_shaped_move(move, None).files()[1]["shaper_ratio"] is None

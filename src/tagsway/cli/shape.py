@@ -220,6 +220,9 @@ def _lines(planned: "PlannedMove", out: Path) -> list[str]:
     ]
     if planned.joints is not None and planned.joints.turn:
         lines.append(f"margin to the nearest singularity {planned.joints.singularity_margin:.2f} of 1")
+    if planned.ratio is not None:
+        wanted = "below 1, as it should be" if planned.ratio.ratio < 1 else "the full acceleration is never reached"
+        lines.append(f"τ = shaper ÷ acceleration time: {planned.ratio.ratio:.2f} ({wanted})")
     if planned.speed < 1:
         lines.append(f"a dry run at {100 * planned.speed:g} % of the speed")
     return [*lines, *(f"warning: {notice.message}" for notice in planned.notices)]

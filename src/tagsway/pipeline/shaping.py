@@ -5,10 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from tagsway.model import JointPath, Move, Notice, SampledTrajectory, Shaper, TrajectoryCurve
+from tagsway.errors import InputError
+from tagsway.model import JointPath, Move, Notice, SampledTrajectory, Shaper, Trajectory, TrajectoryCurve
 from tagsway.robots import plan_joints
-from tagsway.store.controller import controller_text, describe_trajectory
-from tagsway.trajectories import MotionReport, check_limits, plan_move, plan_shaped, sample_trajectory, slow_down
+from tagsway.store.controller import controller_text, describe_ratio, describe_trajectory
+from tagsway.trajectories import (
+    MotionReport,
+    ShaperRatio,
+    check_limits,
+    find_shaper_ratio,
+    plan_move,
+    plan_shaped,
+    sample_trajectory,
+    slow_down,
+)
 
 CURVE_SAMPLES = 1000
 
@@ -25,6 +35,8 @@ class PlannedMove:
         The same motion in the robot's joints; None where the robot's lengths are not given.
     report : MotionReport
         What it asks of the robot, and which limits it keeps.
+    ratio : ShaperRatio or None
+        τ, the shaper's length over the move's acceleration time; None for an unshaped move, or one straight up.
     curve : TrajectoryCurve
         Before and after shaping.
     speed : float
@@ -34,6 +46,7 @@ class PlannedMove:
     sampled: SampledTrajectory
     joints: JointPath | None
     report: MotionReport
+    ratio: ShaperRatio | None
     curve: TrajectoryCurve
     speed: float
 
@@ -53,7 +66,8 @@ class PlannedMove:
     def files(self, *, form: str = "beckhoff") -> tuple[str, dict[str, Any]]:
         """Return the text of trajectory.csv and what trajectory.json says of it."""
         text = controller_text(self.sampled, self.joints, format=form)
-        return text, describe_trajectory(self.sampled, self.report, text, self.joints, format=form, speed=self.speed)
+        description = describe_trajectory(self.sampled, self.report, text, self.joints, format=form, speed=self.speed)
+        return text, {**description, "shaper_ratio": describe_ratio(self.ratio)}
 
 
 def plan_shaped_move(
@@ -84,6 +98,7 @@ def plan_shaped_move(
     """
     unshaped = plan_move(move)
     shaped = unshaped if shaper is None else plan_shaped(move, shaper)
+    ratio = None if shaper is None or not move.shaped_axes else _ratio(unshaped, shaper)
     run_time_s = move.run_time_s
     if speed != 1.0:
         unshaped, shaped = slow_down(unshaped, speed), slow_down(shaped, speed)
@@ -95,6 +110,7 @@ def plan_shaped_move(
         sampled=sampled,
         joints=plan_joints(sampled, move.robot, rate_hz=joint_rate_hz) if known else None,
         report=check_limits(shaped, unshaped, move),
+        ratio=ratio,
         curve=TrajectoryCurve(
             time_s=time,
             unshaped_m=unshaped(time),
@@ -104,3 +120,11 @@ def plan_shaped_move(
         ),
         speed=speed,
     )
+
+
+def _ratio(unshaped: Trajectory, shaper: Shaper) -> ShaperRatio | None:
+    """Return τ; None for a move that has none: straight up, or back to where it began."""
+    try:
+        return find_shaper_ratio(unshaped, shaper)
+    except InputError:
+        return None

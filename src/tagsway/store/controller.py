@@ -10,7 +10,7 @@ from tagsway.errors import InputError
 from tagsway.model import JointPath, SampledTrajectory
 from tagsway.store.joints import joint_csv, ros_trajectory
 from tagsway.store.tables import number_table, rounded
-from tagsway.trajectories import MotionReport
+from tagsway.trajectories import MotionReport, ShaperRatio
 
 TRAJECTORY_SCHEMA = "tagsway/trajectory/1"
 
@@ -125,6 +125,19 @@ def describe_trajectory(
         "speed": speed,
         "dry_run": speed < 1,
         "sha256": hashlib.sha256(text.encode()).hexdigest(),
+    }
+
+
+def describe_ratio(ratio: ShaperRatio | None) -> dict[str, Any] | None:
+    """Return τ = t_shaper / t_acc by both definitions of t_acc; null where a move has no acceleration of that kind."""
+    if ratio is None:
+        return None
+    return {
+        "with_blend": ratio.ratio if math.isfinite(ratio.ratio) else None,
+        "without_blend": ratio.level_ratio if math.isfinite(ratio.level_ratio) else None,
+        "shaper_s": ratio.shaper_s,
+        "acceleration_s": ratio.acceleration_s,
+        "level_acceleration_s": ratio.level_acceleration_s,
     }
 
 
