@@ -25,9 +25,10 @@ bench: $(VENV)/installed-for-tests  ## every benchmark: each prints its ratios
 samples: $(VENV)/installed  ## make the sample videos again from their scenes
 	for scene in flexible stiff released bag; do $(BIN)/identify render sample_data/$$scene.toml || exit 1; done
 
-pictures: $(VENV)/installed  ## the README's pictures, made by the program itself
+pictures: $(VENV)/installed  ## the pictures of README and docs, made by the program itself
 	$(BIN)/identify sample_data/flexible.mp4 --tag-size 30 --mass 225 --move sample_data/move.toml --quiet
 	cp $(addprefix flexible-identify/figures/,decay.png pendulum.png residual.png trajectory.png) docs/pictures/
+	$(BIN)/python docs/draw_figures.py docs/pictures
 
 clean:
 	rm -rf $(VENV) build *-identify

@@ -1,7 +1,7 @@
 """Draw the documents' figures anew: python docs/draw_figures.py [FOLDER], by default docs/pictures."""
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -29,11 +30,13 @@ from tagsway.shapers import (
     zero_delay_prices,
 )
 from tagsway.store.moves import read_move
-from tagsway.trajectories import find_ratio_curves, plan_move
+from tagsway.trajectories import find_ratio_curves, plan_move, slow_down
 
 HERE = Path(__file__).parent
 
 UNSHAPED: Mapping[str, Any] = MappingProxyType({"color": GREY, "lw": 1.2, "label": "unshaped"})
+
+DASH_DOT_DOT = (0, (6, 1.5, 1.5, 1.5, 1.5, 1.5))
 
 
 def draw_ratios() -> Figure:
@@ -57,7 +60,9 @@ def draw_ratios() -> Figure:
             _dress(grid[order, column], "time (s)", "" if column else name)
         _dress(grid[3, column], "x (mm)", "" if column else "z (mm)")
         grid[0, column].set_title(f"τ = {curves.ratio.ratio:g}, planned at {curves.max_acceleration_m_s2:.3g} m/s²")
-    _share_rows(grid, (0, 3))
+    for row in (0, 3):
+        for panel in grid[row, 1:]:
+            panel.sharey(grid[row, 0])
     _add_legend(figure, grid[0, 0])
     return figure
 
@@ -74,7 +79,7 @@ def draw_prefilters() -> Figure:
         ("zvd", VERMILION, "-"),
         ("fir", INK, "--"),
         ("fir-zv", GREEN, "-."),
-        ("fir-zvd", ORANGE, (0, (6, 1.5, 1.5, 1.5, 1.5, 1.5))),
+        ("fir-zvd", ORANGE, DASH_DOT_DOT),
     ):
         shaper = design_shaper(kind, design)
         style: dict[str, Any] = {"color": colour, "ls": dash, "lw": 1.5, "label": kind}
@@ -98,9 +103,8 @@ def draw_zero_delay() -> Figure:
     """Document 2's three ways to shape a quintic move of 0.734 s with a ZVD at 2.55 Hz, and what each leaves."""
     duration_s, sample_time_s = 0.734, 1e-3
     design, error = DesignMode(frequency_hz=2.55, damping_ratio=0.04), np.linspace(-0.2, 0.2, 81)
-    trajectory = plan_move(
-        Move(from_m=(0, 0, 0), to_m=(1, 0, 0), profile="quintic", max_acceleration_m_s2=100.0, run_time_s=duration_s)
-    )
+    quick = plan_move(Move(from_m=(0, 0, 0), to_m=(1, 0, 0), profile="quintic", max_acceleration_m_s2=100.0))
+    trajectory = slow_down(quick, quick.duration_s / duration_s)
     ways = (
         (given_shaper([0.0], [1.0]), UNSHAPED),
         (design_shaper("zvd", design), {"color": BLUE, "ls": "-", "label": "IS (ZVD)"}),
@@ -129,7 +133,7 @@ def draw_zero_delay() -> Figure:
         residual.plot(100 * error, 1e3 * price.residual, **style)
     velocity.axvline(duration_s, color=INK, lw=0.8, ls=":")
     _dress(velocity, "time (s)", "velocity (m/s)", title="A move of 1 m in 0.734 s (dotted)")
-    _dress(residual, "actual over designed frequency − 1 (%)", "swing after the end (mm)", title="What it leaves")
+    _dress(residual, "actual over designed frequency − 1 (%)", "swing after the end (mm)", title="What the move leaves")
     _add_legend(figure, velocity)
     return figure
 
@@ -146,7 +150,7 @@ def draw_steps() -> Figure:
             (0, INK, "-"),
             (5, BLUE, "--"),
             (10, GREEN, "-."),
-            (15, ORANGE, (0, (6, 1.5, 1.5, 1.5, 1.5, 1.5))),
+            (15, ORANGE, DASH_DOT_DOT),
             (20, VERMILION, ":"),
         ):
             modes = [
@@ -169,7 +173,7 @@ FIGURES: Mapping[str, Callable[[], Figure]] = MappingProxyType(
 
 
 def _make_grid(rows: int, columns: int, width_inch: float, height_inch: float) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(width_inch, height_inch), layout="constrained")
+    figure = Figure(figsize=(width_inch, height_inch), layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.06))
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
@@ -177,13 +181,6 @@ def _dress(panel: Axes, x: str, y: str, *, title: str | None = None) -> None:
     name_panel(panel, None, y, x=x)
     if title is not None:
         panel.set_title(title, loc="left", fontweight="bold", color=INK)
-
-
-def _share_rows(grid: Any, rows: Sequence[int]) -> None:
-    """Give the panels of a row one y axis."""
-    for row in rows:
-        for panel in grid[row, 1:]:
-            panel.sharey(grid[row, 0])
 
 
 def _add_legend(figure: Figure, panel: Axes) -> None:
