@@ -125,7 +125,10 @@ def test_a_wrong_family_is_told_which_tags_were_seen(bag, capsys) -> None:
 
 def test_the_product_s_tag_never_seen_is_not_determined(bag, capsys) -> None:
     assert run([str(bag), "--pcp-id", "9", "--tag-size", "30"]) == 3
-    assert "product's tag was never seen" in complaint(capsys)
+    line = complaint(capsys)
+    assert "product's tag was never seen" in line
+    assert "tag36h11 0" in line
+    assert "tag36h11 1" in line
     folder = bag.parent / "bag-identify"
     assert json.loads((folder / "result.json").read_text())["status"] == "not_determined"
     assert (folder / "track.csv").exists()

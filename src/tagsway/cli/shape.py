@@ -90,7 +90,7 @@ def shaper(
     out: Annotated[Path, typer.Option(help="For all: the figure, a PNG.")] = Path("shapers.png"),
 ) -> None:
     """Design an input shaper for a measured or a stated mode, or several, and print it."""
-    from tagsway.shapers import place_on_grid
+    from tagsway.shapers import grid_costs, place_on_grid
 
     modeless = impulses is not None and origin is None and not frequency and not damping
     target = NO_TARGET if modeless else read_target(origin, frequency or [], damping or [], frequency_spread)
@@ -102,7 +102,11 @@ def shaper(
     if sample_time is not None:
         if not sample_time > 0:
             raise InputError(f"--sample-time is {sample_time:g}: expected the controller's cycle in ms, > 0")
+        costs = grid_costs(designed, sample_time / 1e3) if designed.modes else ()
         designed = place_on_grid(designed, sample_time / 1e3)
+        for cost in costs:
+            left = f"{100 * cost.residual_at_mode:.2g} % at the mode"
+            typer.echo(f"on samples of {sample_time:g} ms, {cost.placement}: {left}", err=True)
     typer.echo(_print_shaper(designed, form or ShaperFormat.JSON, axes), nl=False)
 
 

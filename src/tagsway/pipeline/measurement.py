@@ -32,7 +32,7 @@ from tagsway.model import (
     Window,
 )
 from tagsway.pendulum import PendulumFit, fit_pendulum
-from tagsway.pipeline.recording import DECODER_THREADS, Progress, Recording, read_recording
+from tagsway.pipeline.recording import DECODER_THREADS, Progress, Recording, describe_tags, read_recording
 from tagsway.pipeline.shaping import PlannedMove, plan_shaped_move
 from tagsway.shapers import SHAPER_TYPES, design_shaper, residual_curve
 from tagsway.store.documents import to_document
@@ -132,6 +132,8 @@ def identify(
     try:
         window, fit = _find_mode(recording.track, clean, settings)
     except NotIdentifiableError as reason:
+        if reason.code == "pcp_not_seen" and recording.video is not None:
+            reason = NotIdentifiableError(f"{reason}; {describe_tags(file)}", code=reason.code)
         return _undetermined(file, settings, recording, clean, reason)
     modal = fit.estimate
     pendulum = steps.get(

@@ -212,13 +212,17 @@ def _read_table(file: Path, settings: Settings) -> Recording:
     )
 
 
-def _what_was_seen(file: Path, settings: Settings) -> str:
-    wanted = f"{settings.family} {settings.tcp_id} (TCP) and {settings.pcp_id} (PCP)"
+def describe_tags(file: Path) -> str:
+    """Return in words which tags a video shows, of whatever family."""
     others = find_other_tags(_look(file))
     if not others:
-        return f"{file} shows no tag of any known family; expected {wanted}"
-    seen = ", ".join(f"{family} {tag_id}" for family, tag_id in others)
-    return f"{file} does not show {wanted}; it shows {seen}: say --family, --tcp-id and --pcp-id"
+        return "it shows no tag of any known family"
+    return "it shows " + ", ".join(f"{family} {tag_id}" for family, tag_id in others)
+
+
+def _what_was_seen(file: Path, settings: Settings) -> str:
+    wanted = f"{settings.family} {settings.tcp_id} (TCP) and {settings.pcp_id} (PCP)"
+    return f"{file} does not show {wanted}; {describe_tags(file)}: say --family, --tcp-id and --pcp-id"
 
 
 def _summarise_tags(sightings: Sightings, track: Track, settings: Settings) -> TagsSummary:
