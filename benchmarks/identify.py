@@ -1,9 +1,11 @@
-"""The whole of `identify` on flexible.mp4: against decoding alone, and against the plain loop.
+"""The whole of `identify`, page and figures included: against decoding alone, and against the plain loop.
 
 Every line is a ratio from this one run, each side with the same number of decoder threads. The plain loop is what a
-script does: cv2.VideoCapture, and pupil-apriltags with its defaults on every whole frame.
+script does: cv2.VideoCapture, and pupil-apriltags with its defaults on every whole frame. Beside the short sample there
+is a clip of a minute, 1280 × 1024 in H.264 with crf 18, which is drawn and encoded first (some minutes; --clip keeps
+it), and a table of what its time is spent on.
 
-    python benchmarks/identify.py [--threads N] [--repeats N]
+    python benchmarks/identify.py [--threads N] [--repeats N] [--seconds S] [--clip FILE]
 """
 
 import argparse
@@ -14,30 +16,57 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does: the decoder needs the cores
+
+import cv2
+import numpy as np
+
+import tagsway.pipeline.measurement as stages
+import tagsway.pipeline.output as outputs
+from tagsway.model import FloatArray, GreyArray, Settings
+from tagsway.pipeline import identify, write_measurement
+from tagsway.pipeline.recording import track_video
+from tagsway.video.writing import write_video
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from tag_images import make_pose, see_tag
 
 SAMPLE = Path(__file__).parents[1] / "sample_data" / "flexible.mp4"
 TIMES_LONGER = 10
+WIDTH, HEIGHT, SIDE_PX, PENDULUM_PX, FPS = 1280, 1024, 60.0, 330.0, 200.0
+SETTINGS = Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03, mass_kg=0.225)
+STAGES = {
+    "track": (stages, "read_recording"),
+    "clean": (stages, "clean_track"),
+    "window": (stages, "find_window"),
+    "mode": (stages, "identify_modes"),
+    "pendulum": (stages, "fit_pendulum"),
+    "indicators": (stages, "measure_indicators"),
+    "write everything": (outputs, "_write_all"),
+    "  of this, figures": (outputs, "write_figures"),
+    "  of this, page": (outputs, "render_page"),
+}
 
 
-def decode(threads: int) -> int:
-    """Decode the sample with PyAV and look at nothing; return how many frames it has."""
+def decode(video: Path, threads: int) -> int:
+    """Decode a video with PyAV and look at nothing; return how many frames it has."""
     import av
 
-    with av.open(str(SAMPLE)) as container:
+    with av.open(str(video)) as container:
         stream = container.streams.video[0]
         stream.codec_context.thread_count = threads
         return sum(1 for _ in container.decode(stream))
 
 
-def detect_every_frame(threads: int) -> None:
+def detect_every_frame(video: Path, threads: int) -> None:
     """Run the plain loop."""
-    import cv2
     import pupil_apriltags
 
     detector = pupil_apriltags.Detector(nthreads=1)  # more than one crashes at exit beside PyAV
-    capture = cv2.VideoCapture(str(SAMPLE), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, threads])
+    capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, threads])
     while True:
         read, frame = capture.read()
         if not read:
@@ -45,28 +74,92 @@ def detect_every_frame(threads: int) -> None:
         detector.detect(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
 
 
-def track(threads: int) -> None:
-    """Track the sample, decoding beside it."""
-    from tagsway.model import Settings
-    from tagsway.pipeline.recording import track_video
-
-    track_video(SAMPLE, Settings(), decoder_threads=threads)
+def track(video: Path, threads: int) -> None:
+    """Track a video, decoding beside it."""
+    track_video(video, Settings(), decoder_threads=threads)
 
 
-def run_whole(threads: int) -> None:
+def run_whole(video: Path, threads: int) -> None:
     """Run `identify`, page and figures included, without keeping steps."""
-    from tagsway.model import Settings
-    from tagsway.pipeline import identify, write_measurement
-
-    settings = Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03, mass_kg=0.225)
     with tempfile.TemporaryDirectory() as folder:
-        write_measurement(identify(SAMPLE, settings, decoder_threads=threads), Path(folder))
+        write_measurement(identify(video, SETTINGS, decoder_threads=threads), Path(folder))
 
 
-def seconds(call: Callable[[int], object], threads: int) -> float:
+def film(seconds: float) -> Iterator[GreyArray]:
+    """Draw a move and a long free decay: two tags before a mottled wall, noise of three grey levels."""
+    rng = np.random.default_rng(0)
+    wall = cv2.GaussianBlur(rng.normal(size=(HEIGHT, WIDTH)), (0, 0), 9)
+    wall = 120 + 35 * wall / wall.std()
+    flat = np.rint(wall).astype(np.uint8)
+    noise = np.rint(rng.normal(scale=3.0, size=(8, HEIGHT, WIDTH))).astype(np.int16)
+    for x, angle in zip(*move_and_sway(np.arange(round(seconds * FPS)) / FPS), strict=True):
+        image = flat.copy()
+        product = (x + PENDULUM_PX * np.sin(angle), 300 + PENDULUM_PX * np.cos(angle))
+        for tag_id, (centre, turn) in enumerate((((x, 300.0), 0.0), (product, angle))):
+            left, top = (int(place - 1.2 * SIDE_PX) for place in centre)
+            place = (slice(top, top + int(2.4 * SIDE_PX)), slice(left, left + int(2.4 * SIDE_PX)))
+            pose = make_pose((centre[0] - left, centre[1] - top), SIDE_PX, turn)
+            patch = see_tag(pose, wall[place].shape, tag_id=tag_id, onto=wall[place])
+            image[place] = np.clip(np.rint(patch), 0, 255)
+        yield cv2.add(image, noise[rng.integers(8)], dtype=cv2.CV_8U)
+
+
+def move_and_sway(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the tool's place in pixels and the payload's angle: half a second's move, then a decay with ζ = 0.004."""
+    share = np.clip((time_s - 0.5) / 0.5, 0, 1)
+    x = 400 + 480 * share**3 * (10 - 15 * share + 6 * share**2)
+    push = -np.gradient(np.gradient(x, time_s), time_s) / PENDULUM_PX
+    wn, parts = 2 * np.pi * 2.3, 16
+    angles, angle, rate = np.zeros(len(time_s)), 0.0, 0.0
+    for k in range(1, len(time_s)):
+        for _ in range(parts):
+            rate += (push[k] - 2 * 0.004 * wn * rate - wn**2 * np.sin(angle)) / (parts * FPS)
+            angle += rate / (parts * FPS)
+        angles[k] = angle
+    return x, angles
+
+
+def print_spent(video: Path, threads: int) -> None:
+    """Print what the time of one run is spent on: seconds, and CPU seconds of all threads."""
+    spent: dict[str, tuple[float, float]] = {}
+
+    def timed(label: str, call: Callable[..., object]) -> Callable[..., object]:
+        def run(*args: object, **options: object) -> object:
+            wall, cpu = time.perf_counter(), time.process_time()
+            try:
+                return call(*args, **options)
+            finally:
+                spent[label] = (time.perf_counter() - wall, time.process_time() - cpu)
+
+        return run
+
+    kept = {label: getattr(module, name) for label, (module, name) in STAGES.items()}
+    for label, (module, name) in STAGES.items():
+        setattr(module, name, timed(label, kept[label]))
+    try:
+        timed("all", run_whole)(video, threads)
+    finally:
+        for label, (module, name) in STAGES.items():
+            setattr(module, name, kept[label])
+    for label, (wall, cpu) in spent.items():
+        print(f"    {label:20s}{wall:8.2f} s{cpu:8.2f} s of CPU")
+
+
+def compare_minute(video: Path, threads: int, repeats: int) -> None:
+    """Print the ratio for a long clip, and what the time is spent on."""
+    frames = decode(video, threads)
+    taken = [(seconds(decode, video, threads), seconds(run_whole, video, threads)) for _ in range(repeats)]
+    ratio = statistics.median(alone / whole for alone, whole in taken)
+    print(f"{video.name}: {frames} frames of {WIDTH} × {HEIGHT}, {threads} decoder threads, median of {repeats} runs")
+    print(f"whole identify, frames per second ÷ decoding alone: {ratio:.2f}")
+    print(f"  decoding alone {min(alone for alone, _ in taken):.2f} s; one run of the whole:")
+    print_spent(video, threads)
+
+
+def seconds(call: Callable[[Path, int], object], video: Path, threads: int) -> float:
     """Return how long one call takes."""
     start = time.perf_counter()
-    call(threads)
+    call(video, threads)
     return time.perf_counter() - start
 
 
@@ -103,21 +196,16 @@ def longer(video: Path, folder: Path) -> Path:
     return target
 
 
-def main() -> None:
-    """Print the ratios."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--threads", type=int, default=2, help="decoder threads, the same on all sides")
-    parser.add_argument("--repeats", type=int, default=5)
-    options = parser.parse_args()
-
-    frames = decode(options.threads)
+def compare_sample(options: argparse.Namespace) -> None:
+    """Print the ratios for the sample, and its peak memory beside a longer one's."""
+    frames = decode(SAMPLE, options.threads)
     calls = {"decode": decode, "track": track, "whole": run_whole}
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(options.repeats):
         for name, call in calls.items():
-            taken[name].append(seconds(call, options.threads))
+            taken[name].append(seconds(call, SAMPLE, options.threads))
     with multiprocessing.get_context("spawn").Pool(1) as alone:  # the two AprilTag packages do not share a process
-        plain = alone.apply(seconds, (detect_every_frame, options.threads))
+        plain = alone.apply(seconds, (detect_every_frame, SAMPLE, options.threads))
 
     def ratio(a: str, b: str) -> float:
         return statistics.median(x / y for x, y in zip(taken[a], taken[b], strict=True))
@@ -131,6 +219,23 @@ def main() -> None:
         short = peak_memory_mb(SAMPLE)
         long = peak_memory_mb(longer(SAMPLE, Path(folder)))
     print(f"peak memory, {TIMES_LONGER} times the length ÷ the sample: {long / short:.2f} ({short:.0f} MB)")
+
+
+def main() -> None:
+    """Print the ratios."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--threads", type=int, default=2, help="decoder threads, the same on all sides")
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the long clip")
+    parser.add_argument("--clip", type=Path, help="where the long clip is, or is to be kept")
+    options = parser.parse_args()
+
+    with tempfile.TemporaryDirectory() as folder:
+        clip = options.clip or Path(folder) / "minute.mp4"
+        if not clip.exists():
+            write_video(clip, film(options.seconds), fps_hz=FPS, codec="h264", quality=18.0)
+        compare_minute(clip, options.threads, min(options.repeats, 3))
+    compare_sample(options)
 
 
 if __name__ == "__main__":

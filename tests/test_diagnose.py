@@ -14,6 +14,7 @@ from tagsway.model import (
     PendulumEstimate,
     VideoInfo,
 )
+from tagsway.pipeline.measurement import HARMLESS
 
 NOTHING = EstimatorResult(natural_frequency_hz=None, damping_ratio=None)
 
@@ -66,6 +67,64 @@ def test_a_slow_motion_file_is_suspected_with_the_rate_that_makes_sense_of_it() 
     (hint,) = diagnose(a_mode(2.33 * 30 / 240), A_RADIUS, a_video(30.0))
     assert hint.code == "frame_rate_suspect"
     assert "--fps 240" in hint.message
+
+
+@pytest.mark.parametrize("rate", [120, 240, 480, 960, 1000])
+def test_each_usual_rate_is_named_for_a_film_played_at_30_fps(rate) -> None:
+    (hint,) = diagnose(a_mode(2.33 * 30 / rate), A_RADIUS, a_video(30.0))
+    assert hint.code == "frame_rate_suspect"
+    assert f"--fps {rate}" in hint.message
+
+
+def test_a_slow_body_filmed_at_its_true_rate_is_a_remark_and_no_suspicion() -> None:
+    # 200 fps is no rate of playback: much inertia is the likelier reason, and the result stays sound
+    (hint,) = diagnose(a_mode(0.45 * 2.33), A_RADIUS, a_video(200.0))
+    assert hint.code == "slow_for_its_radius"
+    assert "inertia" in hint.message
+    assert hint.code in HARMLESS
+
+
+def test_a_slow_body_that_slow_motion_would_have_made_slower_is_a_remark_also_at_30_fps() -> None:
+    (hint,) = diagnose(a_mode(0.5 * 2.33), A_RADIUS, a_video(30.0))
+    assert hint.code == "slow_for_its_radius"
+    assert "inertia" in hint.message
+    assert "--fps 60" in hint.message
+
+
+def test_a_frequency_that_no_usual_rate_makes_sense_of_says_so() -> None:
+    (hint,) = diagnose(a_mode(2.33 * 30 / 335), A_RADIUS, a_video(30.0))
+    assert hint.code == "slow_for_its_radius"
+    assert "none of the usual rates" in hint.message
+
+
+def test_a_slow_body_whose_length_was_measured_is_not_even_remarked_on() -> None:
+    # l = 0.46 m with the tag at 46 mm: the tool's motion tells the length, and it explains the frequency
+    heavy = replace(A_RADIUS, determined=True, length_m=Estimate.normal(0.459, 0.002))
+    assert codes(a_mode(0.736), heavy, a_video(30.0)) == []
+
+
+def test_a_measured_length_finds_slow_motion_by_a_factor_that_a_radius_would_let_pass() -> None:
+    # filmed at 60, played at 50 fps: the length is as it is, the frequency 0.83 of what gravity alone gives
+    free = replace(A_RADIUS, determined=True, length_m=Estimate.normal(0.0459, 1e-4))
+    (hint,) = diagnose(a_mode(2.33 * 50 / 60), free, a_video(50.0))
+    assert hint.code == "frame_rate_suspect"
+    assert "--fps 60" in hint.message
+
+
+def test_a_rate_that_was_typed_too_high_is_named_with_the_one_that_makes_sense() -> None:
+    typed = replace(a_video(1000.0), time_source="option")
+    (hint,) = diagnose(a_mode(2.33 * 1000 / 240), A_RADIUS, typed)
+    assert hint.code == "fast_for_its_radius"
+    assert "--fps 240" in hint.message
+    assert "stiff" in hint.message
+
+
+def test_a_stiff_gripper_is_not_suspected() -> None:
+    assert codes(a_mode(2 * 2.33), A_RADIUS, a_video(200.0)) == []
+
+
+def test_a_track_has_no_frame_rate_to_suspect() -> None:
+    assert codes(a_mode(0.29), A_RADIUS, None) == []
 
 
 def test_a_flat_bag_is_not_suspected() -> None:

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 import example_result
-from tagsway.report.charts import MAX_POINTS, make_charts, rounded, share_abscissae, thin
+from tagsway.report.charts import MAX_POINTS, make_charts, rounded, share_abscissae
 from tagsway.report.page import render_page
+from tagsway.report.style import thin
 from tagsway.report.tables import answers
 
 VARIANTS = ["example", "in_pixels", "not_determined", "without_tool", "hostile"]
@@ -155,7 +156,7 @@ def test_thinning_keeps_the_extremes_and_the_gaps() -> None:
     time = np.linspace(0, 1, 100_000)
     sway = np.sin(40 * time)
     sway[54_321], sway[70_000:80_000] = 9.0, np.nan
-    short_time, short = thin(time, sway)
+    short_time, short = thin(time, sway, most=MAX_POINTS)
     assert len(short) <= MAX_POINTS
     assert np.nanmax(short) == 9.0  # identity
     assert np.nanmin(short) == np.nanmin(sway)  # identity
@@ -164,9 +165,16 @@ def test_thinning_keeps_the_extremes_and_the_gaps() -> None:
     assert np.all(np.diff(short_time) > 0)
 
 
+def test_a_thinned_cloud_is_not_hollow() -> None:
+    noise = np.random.default_rng(0).normal(size=300_000)
+    _, kept = thin(np.arange(300_000.0), noise, most=MAX_POINTS)
+    inner = np.mean(np.abs(kept) < 1)
+    assert 0.18 < inner < 0.28  # statistics: 0.68 of a third, and no extreme of 300 lies there; ± 5 deviations
+
+
 def test_a_short_line_is_not_thinned() -> None:
     time = np.arange(MAX_POINTS, dtype=float)
-    assert thin(time, time)[0] is time
+    assert thin(time, time, most=MAX_POINTS)[0] is time
 
 
 def test_numbers_are_rounded_for_the_screen_and_gaps_are_null() -> None:

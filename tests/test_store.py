@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tagsway.errors import InputError
+from tagsway.files import check_writable, whole_file
 from tagsway.model import (
     Curves,
     DesignMode,
@@ -21,11 +22,10 @@ from tagsway.model import (
     Track,
     TrackCurve,
 )
-from tagsway.store.atomic import check_writable, whole_file
 from tagsway.store.documents import from_document, read_shaper, to_document, write_shaper
 from tagsway.store.packing import read_curves, write_curves
 from tagsway.store.steps import StepStore
-from tagsway.store.tracks import quantise, read_track, track_csv
+from tagsway.store.tracks import quantise, read_track, track_csv, write_track
 
 
 def a_tag(n: int, *, rng: np.random.Generator) -> TagTrack:
@@ -116,6 +116,15 @@ def test_a_track_from_its_file_is_the_same_to_the_last_bit(tmp_path, unit) -> No
     for name in ("tcp", "pcp"):
         for field in ("position", "position_std", "angle_rad", "angle_std_rad"):
             np.testing.assert_array_equal(getattr(getattr(again, name), field), getattr(getattr(track, name), field))
+
+
+def test_a_track_is_written_in_pieces_as_it_is_in_one(tmp_path, monkeypatch) -> None:
+    track = quantise(a_track())
+    whole = track_csv(track, None)
+    monkeypatch.setattr("tagsway.store.tracks.CSV_ROWS", 3)
+    write_track(tmp_path / "track.csv", track, None)
+    assert (tmp_path / "track.csv").read_bytes() == whole.encode()
+    assert whole.count("\n") == len(track.time_s) + 1
 
 
 def test_what_was_not_seen_is_empty_in_the_file() -> None:

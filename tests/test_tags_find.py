@@ -9,6 +9,7 @@ from tag_images import make_pose, photograph, see_tag
 from tagsway.errors import InputError
 from tagsway.tags import find
 from tagsway.tags.align import CORNERS, project
+from tagsway.tags.families import FAMILIES
 from tagsway.tags.find import TagFinder, find_tags, find_tags_near
 from tagsway.tags.others import find_other_tags, list_tags
 from tagsway.video.writing import write_video
@@ -16,8 +17,8 @@ from tagsway.video.writing import write_video
 NEAR = 0.2  # px; the detector's own error is 0.03 to 0.1
 
 
-@pytest.mark.parametrize("family", ["tag36h11", "tag25h9", "tag16h5", "tagCircle21h7", "tagStandard41h12"])
-@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0, -3.0])
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("angle", [0.0, 0.4, -3.0])
 def test_corners_are_where_they_were_drawn_and_in_our_order(family: str, angle: float) -> None:
     pose = make_pose((100.3, 97.8), 64, angle, (0.04, -0.03))
     image = photograph(see_tag(pose, (200, 210), family=family, tag_id=5, background=190), 1, np.random.default_rng(0))
@@ -33,6 +34,38 @@ def test_small_and_large_tags_are_found(side: float) -> None:
     pose = make_pose((size / 2, size / 2), side, 0.2)
     image = photograph(see_tag(pose, (size, size), tag_id=9), 2, np.random.default_rng(0))
     assert [tag.tag_id for tag in find_tags(image, family="tag36h11")] == [9]
+
+
+def test_tags_of_thirteen_pixels_are_found_in_an_enlarged_image_where_they_are() -> None:
+    rng = np.random.default_rng(0)
+    for angle in (0.1, 0.3, -0.4):
+        pose = make_pose((60.3, 61.6), 13, angle)
+        image = photograph(see_tag(pose, (120, 130), tag_id=9), 1, rng)
+        (tag,) = find_tags(image, family="tag36h11", decimate=0.5)
+        (near,) = find_tags_near(image, project(pose, CORNERS) + 4, family="tag36h11", decimate=0.5)
+        assert tag.tag_id == near.tag_id == 9
+        for found in (tag, near):
+            assert np.abs(found.corners_px - project(pose, CORNERS)).max() < 2 * NEAR
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of the address space")
+def test_the_largest_family_needs_no_gigabytes() -> None:
+    # With two corrected bits its tables take 6 GB.
+    script = (
+        "import resource; resource.setrlimit(resource.RLIMIT_AS, (2_000_000_000, 2_000_000_000));"
+        "from tagsway.tags.find import TagFinder; TagFinder('tagStandard52h13')"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+
+
+def test_a_wrong_bit_is_read_over_and_two_are_not() -> None:
+    clean = see_tag(make_pose((60, 60), 64), (120, 120), tag_id=9)  # cells of 8 px
+    for wrong, expected in ((1, [9]), (2, [])):
+        image = photograph(clean, 1, np.random.default_rng(0))
+        for k in range(wrong):
+            cell = (slice(44, 52), slice(44 + 16 * k, 52 + 16 * k))
+            image[cell] = 40 if image[cell].mean() > 120 else 200
+        assert [tag.tag_id for tag in find_tags(image, family="tag36h11")] == expected
 
 
 def test_a_part_of_the_image_gives_the_pixels_of_the_whole() -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from tag_images import make_pose, photograph, see_tag
 from tagsway.model import Frame
-from tagsway.tags.follow import follow_tags, predict_pose
+from tagsway.tags.follow import follow_tags
+from tagsway.tags.predict import predict_pose
 from tagsway.video.reading import read_clock, read_frames
 
 SHAPE = (200, 320)

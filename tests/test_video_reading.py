@@ -1,4 +1,5 @@
 import threading
+import time
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from tagsway.errors import InputError
+from tagsway.video.container import _take_field
 from tagsway.video.reading import read_clock, read_frames
 
 SHAPE = (66, 100)  # no multiple of 16: the decoder's lines are longer than the image's
@@ -64,6 +66,11 @@ LEVELS = [40, 80, 120, 160, 200]
         ("a.avi", {"codec": "mjpeg", "form": "yuvj420p"}),
         ("a.avi", {"codec": "mpeg4"}),
         ("a.avi", {"codec": "rawvideo", "form": "yuv420p"}),
+        ("a.avi", {"codec": "rawvideo", "form": "bgr24"}),
+        ("a.avi", {"codec": "rawvideo", "form": "gray"}),
+        ("a.mkv", {"codec": "rawvideo", "form": "gray"}),
+        ("a.mkv", {"codec": "ffv1", "form": "gray12le"}),
+        ("a.mkv", {"codec": "ffv1", "form": "gray16le"}),
     ],
 )
 def test_grey_values_come_in_full_range_whatever_the_format(tmp_path: Path, name: str, how: dict[str, Any]) -> None:
@@ -84,13 +91,6 @@ def test_limited_range_may_be_left_as_it_is_coded(tmp_path: Path) -> None:
     frames, _ = read(path, full_range=False)
     assert np.median(frames[0].grey[30:, 40:]) == pytest.approx(16, abs=CODED)
     assert np.median(frames[1].grey[30:, 40:]) == pytest.approx(235, abs=CODED)
-
-
-def test_a_sequence_of_images_is_a_video(tmp_path: Path) -> None:
-    for k, level in enumerate(LEVELS):
-        cv2.imwrite(str(tmp_path / f"{k:03d}.png"), flat(level))
-    frames, _ = read(tmp_path / "%03d.png")
-    assert [int(frame.grey[-1, -1]) for frame in frames] == LEVELS
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.avi", "a.mov"])
@@ -191,7 +191,10 @@ def test_the_decoder_waits_for_whoever_reads(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mp4", [flat(99)] * 80)
     with read_frames(path, read_clock(path), queue_frames=3) as reader:
         next(reader)
-        assert reader._queue.maxsize == 3
+        for _ in range(200):
+            time.sleep(0.001)
+            assert reader._decoded.qsize() <= 3
+        assert reader._decoded.qsize() == 3
         assert sum(1 for _ in reader) == 79
 
 
@@ -202,10 +205,11 @@ def test_a_reader_that_was_never_started_closes(tmp_path: Path) -> None:
 
 def test_what_is_no_video_is_refused_with_the_reason(tmp_path: Path) -> None:
     (tmp_path / "empty.mp4").touch()
+    (tmp_path / "bare").mkdir()
     (tmp_path / "text.mp4").write_text("this is no video\n" * 100)
     for path, words in [
         (tmp_path / "missing.mp4", "does not exist"),
-        (tmp_path, "is a folder"),
+        (tmp_path / "bare", "is a folder without images"),
         (tmp_path / "empty.mp4", "is empty"),
         (tmp_path / "text.mp4", "no video that can be read"),
     ]:
@@ -252,6 +256,72 @@ def test_real_recording_has_even_times(shared_video: Path) -> None:
     assert len(frames) == 200
     np.testing.assert_allclose([frame.time_s for frame in frames], np.arange(200) / 30, atol=1e-9)
     assert reader.notices == ()
+
+
+def test_of_several_streams_the_moving_picture_is_read(tmp_path: Path) -> None:
+    """A small preview comes first, as some cameras write it."""
+    path = tmp_path / "a.mkv"
+    with av.open(str(path), "w") as container:
+        streams = [container.add_stream("ffv1", rate=30) for _ in range(2)]
+        for stream, size in zip(streams, ((16, 16), SHAPE[::-1]), strict=True):
+            stream.width, stream.height, stream.pix_fmt = *size, "gray"
+        for k in range(5):
+            for stream in streams:
+                frame = av.VideoFrame.from_ndarray(np.full((stream.height, stream.width), 50 + k, np.uint8), "gray")
+                frame.pts, frame.time_base = k, Fraction(1, 30)
+                container.mux(stream.encode(frame))
+        for stream in streams:
+            container.mux(stream.encode(None))
+    frames, _ = read(path)
+    assert [frame.grey.shape for frame in frames] == [SHAPE] * 5
+    assert [int(frame.grey[0, 0]) for frame in frames] == [50, 51, 52, 53, 54]
+
+
+def test_pixels_that_are_not_square_are_stretched(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mp4", [flat(99)] * 3, options={"x264-params": "sar=4/3"})
+    frames, reader = read(path)
+    assert frames[0].grey.shape == (66, 133)
+    assert (reader.info.width, reader.info.height) == (133, 66)
+    assert [notice.code for notice in reader.notices] == ["pixels_not_square"]
+
+
+def interlaced(path: Path) -> Path:
+    """A bright bar moves by 6 px from one field to the next."""
+    images = []
+    for k in range(8):
+        image = np.full((96, 160), 40, np.uint8)
+        for field in (0, 1):
+            left = 20 + 6 * (2 * k + field)
+            image[field::2, left : left + 16] = 200
+        images.append(image)
+    return write(path, images, options={"x264-params": "tff=1:qp=1"}, range="JPEG", form="yuvj420p")
+
+
+def test_of_an_interlaced_video_one_field_is_used(tmp_path: Path) -> None:
+    frames, reader = read(interlaced(tmp_path / "a.mkv"), full_range=False)
+    assert [notice.code for notice in reader.notices] == ["interlaced"]
+    for frame in frames:
+        column = frame.grey[:, : 20 + 12 * frame.index + 14].astype(float)
+        edge = 20 + 12 * frame.index
+        assert np.all(column[:, edge + 2 :] > 150)  # no row of the other field
+        assert np.all(column[:, : edge - 3] < 80)
+
+
+def test_a_field_keeps_its_rows_where_they_were() -> None:
+    grey = np.repeat(np.arange(0, 64, dtype=np.uint8)[:, None], 8, axis=1)
+    shown = _take_field(grey)
+    np.testing.assert_array_equal(shown[:63], grey[:63])  # identity: a ramp, linearly interpolated; the last row ends
+
+
+def test_images_that_come_twice_are_known(tmp_path: Path) -> None:
+    images = [flat(40), flat(40), flat(80), flat(120), flat(120), flat(120)]
+    _, reader = read(write(tmp_path / "a.mkv", images, codec="ffv1", form="gray"))
+    assert list(reader.repeated) == [False, True, False, False, True, True]
+
+
+def test_names_with_signs_are_names(tmp_path: Path) -> None:
+    path = write(tmp_path / "100%03d:x?.mp4", [flat(9)] * 3)
+    assert len(read(path)[0]) == 3
 
 
 @pytest.fixture

@@ -11,8 +11,19 @@ from tagsway.model import (
     VideoInfo,
 )
 
-SLOW_FOR_ITS_RADIUS = 0.6
-"""Of a point mass' frequency at the same radius: a long flat bag reaches 0.74 of it, a wrong frame rate much less."""
+SLOW_FOR_ITS_RADIUS, FAST_FOR_ITS_RADIUS = 0.6, 3.0
+"""Of a point mass' frequency at the same radius: a long flat bag reaches 0.74 of it, a wrong frame rate much less;
+above it is what a stiff joint holds."""
+
+TOO_SLOW_FOR_ITS_RADIUS = 0.4
+"""Where much inertia is less likely than slow motion, which begins at a factor of four."""
+
+SLOW_FOR_ITS_LENGTH = 0.93
+"""Of the frequency of the equivalent length, which no payload that gravity pulls back goes below; and a film that is
+played slowly shows the length itself as it is."""
+
+SENSIBLE_SHARES = (0.74, 1.3)
+"""Of a point mass' frequency: where another capture rate would put a payload that makes sense."""
 
 USUAL_FREQUENCIES_HZ = (0.05, 50.0)
 LEAST_AMPLITUDE_M = 5e-5
@@ -22,7 +33,11 @@ DISAGREEMENT_STD = 4.0
 DISAGREEMENT_SHARE = 0.02
 """Two estimators disagree where they differ by this many standard errors *and* by this share of the frequency."""
 
-USUAL_CAPTURE_RATES_HZ = (120.0, 200.0, 240.0, 480.0, 500.0, 960.0, 1000.0)
+USUAL_CAPTURE_RATES_HZ = (30.0, 60.0, 100.0, 120.0, 200.0, 240.0, 480.0, 500.0, 960.0, 1000.0, 2000.0)
+"""Of phones and of high-speed cameras."""
+
+PLAYBACK_HZ = 61.0
+"""Slow motion is played at the rate of a screen or of television; a file that says more says how it was filmed."""
 
 
 def diagnose(
@@ -42,14 +57,15 @@ def diagnose(
     Returns
     -------
     tuple of Notice
-        Codes `units_suspect`, `frame_rate_suspect`, `estimators_disagree`, `pendulum_disagrees`.
+        Codes `units_suspect`, `frame_rate_suspect`, `slow_for_its_radius`, `fast_for_its_radius`,
+        `estimators_disagree`, `pendulum_disagrees`.
     """
     if modal is None or modal.natural_frequency_hz is None:
         return ()
     frequency = modal.natural_frequency_hz.value
     hints = [
         *_unusual_units(modal, frequency),
-        *_slow_for_its_radius(frequency, pendulum, video),
+        *_odd_for_its_size(frequency, pendulum, video),
         *_estimators_disagree(modal),
     ]
     if pendulum is not None and pendulum.determined and pendulum.implied is not None:
@@ -78,22 +94,50 @@ def _unusual_units(modal: ModalEstimate, frequency: float) -> list[Notice]:
     ]
 
 
-def _slow_for_its_radius(frequency: float, pendulum: PendulumEstimate | None, video: VideoInfo | None) -> list[Notice]:
-    if pendulum is None or pendulum.tag_radius_m is None or video is None:
+def _odd_for_its_size(frequency: float, pendulum: PendulumEstimate | None, video: VideoInfo | None) -> list[Notice]:
+    """Hold the frequency against √(g/r)/2π: r of the arc, or the length where the tool's motion gave that."""
+    if pendulum is None or video is None:
         return []
-    point_mass = math.sqrt(GRAVITY_M_S2 / pendulum.tag_radius_m.value) / (2 * math.pi)
-    if not frequency < SLOW_FOR_ITS_RADIUS * point_mass:
+    if pendulum.determined and pendulum.length_m is not None:
+        size, name = pendulum.length_m.value, "an equivalent length"
+        slow = too_slow = SLOW_FOR_ITS_LENGTH
+    elif pendulum.tag_radius_m is not None:
+        size, name = pendulum.tag_radius_m.value, "a radius"
+        slow, too_slow = SLOW_FOR_ITS_RADIUS, TOO_SLOW_FOR_ITS_RADIUS
+    else:
         return []
-    wanted = video.fps_hz * point_mass / frequency
-    usual = min(USUAL_CAPTURE_RATES_HZ, key=lambda rate: abs(math.log(rate / wanted)))
+    expected = math.sqrt(GRAVITY_M_S2 / size) / (2 * math.pi)
+    share = frequency / expected
+    if slow <= share <= FAST_FOR_ITS_RADIUS:
+        return []
+    stated = f"--fps says, {video.fps_hz:g} Hz" if video.time_source == "option" else f"the file's {video.fps_hz:g} Hz"
+    better = _better_rate(share, video.fps_hz)
+    is_slow, suspect = share < slow, share < too_slow and better is not None and _may_be_played_slowly(video)
     return [
         Notice(
-            code="frame_rate_suspect",
-            message=f"{frequency:.3f} Hz is slow for a radius of {1e3 * pendulum.tag_radius_m.value:.0f} mm (a point "
-            f"mass would sway at {point_mass:.2f} Hz): a body with much inertia, or filmed at another rate than the "
-            f"file's {video.fps_hz:g} Hz; if the camera ran at {usual:g} Hz, say --fps {usual:g}",
+            code="frame_rate_suspect" if suspect else "slow_for_its_radius" if is_slow else "fast_for_its_radius",
+            message=f"{frequency:.3g} Hz is {'slow' if is_slow else 'fast'} for {name} of {1e3 * size:.0f} mm (a point "
+            f"mass sways at {expected:.3g} Hz there): {'a body with much inertia' if is_slow else 'a stiff joint'}, or "
+            f"filmed at another rate than {stated}; {_advise_rate(better, video.fps_hz / share)}",
         )
     ]
+
+
+def _may_be_played_slowly(video: VideoInfo) -> bool:
+    return video.time_source == "container" and video.fps_hz < PLAYBACK_HZ
+
+
+def _better_rate(share: float, fps_hz: float) -> float | None:
+    """Return the usual capture rate that makes the most sense of a frequency, None where none does."""
+    low, high = SENSIBLE_SHARES
+    sensible = [rate for rate in USUAL_CAPTURE_RATES_HZ if low <= share * rate / fps_hz <= high]
+    return min(sensible, key=lambda rate: abs(math.log(share * rate / fps_hz)), default=None)
+
+
+def _advise_rate(better: float | None, wanted_hz: float) -> str:
+    if better is None:
+        return f"none of the usual rates makes sense of it, which would have to be about {wanted_hz:.2g} Hz"
+    return f"if the camera ran at {better:g} Hz, say --fps {better:g}"
 
 
 def _estimators_disagree(modal: ModalEstimate) -> list[Notice]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from tagsway import __version__
-from tagsway.cli import identify, render, shape
+from tagsway.cli import calibrate, identify, render, shape, tags
 from tagsway.errors import InputError, NotIdentifiableError, TagswayError
 
 DONE, OTHER, UNUSABLE, NOT_DETERMINED = 0, 1, 2, 3
@@ -41,8 +41,10 @@ def _options(
 
 
 app.command("run")(identify.run)
+app.command("calibrate")(calibrate.calibrate)
 app.command("render")(render.render)
 app.command("shaper")(shape.shaper)
+app.command("tags")(tags.tags)
 app.command("trajectory")(shape.trajectory)
 
 SUBCOMMANDS = frozenset(str(command.name) for command in app.registered_commands)

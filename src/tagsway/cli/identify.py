@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def run(
-    file: Annotated[Path, typer.Argument(help="A video, or a track as CSV.", metavar="VIDEO_OR_TRACK")],
+    file: Annotated[
+        Path,
+        typer.Argument(help="A video, numbered images (frames/%06d.png), or a track as CSV.", metavar="VIDEO_OR_TRACK"),
+    ],
     out: Annotated[str | None, typer.Option(help="Folder for the results.", show_default="NAME-identify")] = None,
     fps: Annotated[float | None, typer.Option(help="Capture rate in Hz, where the file's header is wrong.")] = None,
     family: Annotated[str, typer.Option(help="Family of the tags.")] = "tag36h11",
@@ -39,6 +42,9 @@ def run(
     columns: Annotated[str | None, typer.Option(help="Columns of a track: T,X[,Z].")] = None,
     shaper: Annotated[str, typer.Option(help="Type of the input shaper.")] = "zv",
     move: Annotated[Path | None, typer.Option(help="move.toml: writes the shaped trajectory.")] = None,
+    overlay: Annotated[
+        bool, typer.Option("--overlay", help="Write overlay.mp4: the video with what was seen in it.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the summary.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -62,26 +68,29 @@ def run(
     )
     if out is not None and not out.strip():
         raise InputError("--out is empty: expected a folder for the results")
-    folder = Path(f"{file.stem}-identify" if out is None else out)
-    measurement = _measure(file, settings, move, folder, show_progress=not quiet)
+    folder = _default_folder(file) if out is None else Path(out)
+    measurement = _measure(file, settings, move, folder, overlay=overlay, show_progress=not quiet)
     _report(measurement, folder, as_json=json, quiet=quiet)
 
 
 def _measure(
-    file: Path, settings: Settings, move_file: Path | None, folder: Path, *, show_progress: bool
+    file: Path, settings: Settings, move_file: Path | None, folder: Path, *, overlay: bool, show_progress: bool
 ) -> "Measurement":
-    from tagsway.pipeline import check_outputs, identify, write_measurement
-    from tagsway.store.atomic import check_writable
+    from tagsway.files import check_writable
+    from tagsway.pipeline import TABLES, check_outputs, identify, write_measurement
     from tagsway.store.moves import read_move
     from tagsway.store.steps import StepStore
 
+    if overlay and file.suffix.lower() in TABLES:
+        raise InputError(f"--overlay draws into a video, and {file} is a table: leave it out, or give the video")
     check_writable(folder)
     check_outputs(folder, file, move_file, None if settings.camera is None else Path(settings.camera))
     move: Move | None = None if move_file is None else read_move(move_file)
     steps = StepStore(folder=folder / ".steps")
     with progress_bar(file.name, shown=show_progress) as progress:
         measurement = identify(file, settings, move=move, steps=steps, progress=progress)
-    write_measurement(measurement, folder)
+    with progress_bar("overlay.mp4", shown=show_progress and overlay) as progress:
+        write_measurement(measurement, folder, film=file if overlay else None, progress=progress)
     steps.keep()
     return measurement
 
@@ -98,6 +107,12 @@ def _report(measurement: "Measurement", folder: Path, *, as_json: bool, quiet: b
         typer.echo(f"\nwritten to {folder}/ — open {folder / opened}")
     if measurement.not_determined is not None:
         raise NotIdentifiableError(measurement.not_determined)
+
+
+def _default_folder(file: Path) -> Path:
+    from tagsway.video.opening import name_results
+
+    return Path(f"{name_results(file)}-identify")
 
 
 def _metres(millimetres: float | None) -> float | None:

@@ -133,8 +133,8 @@ def trajectory(
     ] = None,
 ) -> None:
     """Plan a move, shape it, check its limits, and write what the controller runs."""
+    from tagsway.files import check_writable, write_text
     from tagsway.pipeline.shaping import plan_shaped_move
-    from tagsway.store.atomic import check_writable, write_text
     from tagsway.store.documents import dump, read_shaper
     from tagsway.store.moves import read_move
 
@@ -169,9 +169,9 @@ def _compare(target: Target, wish: Wish, form: ShaperFormat | None, out: Path) -
     """Write the figure of every candidate and return their table."""
     import numpy as np
 
+    from tagsway.files import check_writable
     from tagsway.report.candidates import write_candidates
     from tagsway.shapers import compare_shapers, residual_curve
-    from tagsway.store.atomic import check_writable
     from tagsway.store.documents import dump, shaper_document
 
     if form is ShaperFormat.KLIPPER:

@@ -6,6 +6,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from tagsway.errors import InputError
 from tagsway.model import FloatArray
 
+CHUNK = 4096
+"""Windows that are sorted together."""
+
 
 def median_filter(values: FloatArray, *, width: int) -> FloatArray:
     """Return the running median of one or more channels.
@@ -31,18 +34,17 @@ def median_filter(values: FloatArray, *, width: int) -> FloatArray:
     """
     if width < 1:
         raise InputError(f"a median filter needs a window of at least 1 sample, not {width}")
-    half = width // 2
+    half, count = width // 2, len(values)
     result = np.full(values.shape, np.nan)
     for back, ahead in ((half, half),) if width % 2 else ((half, half - 1), (half - 1, half)):
-        if len(values) > 2 * half:
-            windows = sliding_window_view(values, back + ahead + 1, axis=0)[half - back :][: len(values) - 2 * half]
+        for first in range(half, count - half, CHUNK):
+            inner = result[first : min(first + CHUNK, count - half)]
+            windows = sliding_window_view(values, back + ahead + 1, axis=0)[first - back :][: len(inner)]
             middle = _nan_median(windows)
-            inner = result[half : len(values) - half]
             inner[...] = np.where(np.isnan(inner), middle, (inner + middle) / 2)
-    for i in range(len(values)):
-        reach = min(i, len(values) - 1 - i)
-        if reach < half:
-            result[i] = _nan_median(np.moveaxis(values[i - reach : i + reach + 1], 0, -1))
+    for i in {*range(min(half, count)), *range(max(count - half, 0), count)}:
+        reach = min(i, count - 1 - i)
+        result[i] = _nan_median(np.moveaxis(values[i - reach : i + reach + 1], 0, -1))
     result[np.isnan(values)] = np.nan
     return result
 

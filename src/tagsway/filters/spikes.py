@@ -1,12 +1,11 @@
 """Samples that no motion explains: Hampel's rule on what a local cubic leaves."""
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
-from tagsway.filters.medians import median_filter
 from tagsway.model import BoolArray, FloatArray, IntArray
 
 THRESHOLD = 4.2
@@ -36,31 +35,32 @@ ROUNDS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Record:
-    """The samples that are left, and how they are judged."""
+    """The samples that are left, and how they are judged: by so many neighbours on each side, none too far away."""
 
     time: FloatArray
     values: FloatArray
     half: int
     longest: float
-    jump: FloatArray
 
-    def residuals(self, index: IntArray, without: IntArray) -> FloatArray:
-        """Return how far samples lie from a cubic through their neighbours, beyond what a motion explains.
+    def deviations(self, index: IntArray, without: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far samples lie from a cubic through their neighbours, and how much a jump adds to that.
 
         Parameters
         ----------
         index : ndarray, shape (s, w)
-            Samples to judge; outside the record the answer is 0.
-        without : ndarray, shape (s, 3)
-            Samples that may not serve as neighbours, row by row; -1 for none.
+            Samples to judge; outside the record both answers are 0.
+        without : ndarray, shape (s, e)
+            Samples that may not serve as neighbours, row by row.
 
         Returns
         -------
-        ndarray, shape (s, w)
-            |x - prediction| / √(1 + Σ weights²), less what one jump of the acceleration can make of it. 0 where the
-            nearest neighbours are too far away to tell.
+        deviation : ndarray, shape (s, w)
+            |x - prediction| / √(1 + Σ weights²). 0 where the nearest neighbours are too far away to tell.
+        gain : ndarray, shape (s, w)
+            The most that a jump of the acceleration by 1 makes of it.
         """
-        offsets = np.arange(-2 * self.half - 3, 2 * self.half + 4)
+        reach = 2 * self.half + without.shape[1]
+        offsets = np.arange(-reach, reach + 1)
         near = index[..., None] + offsets[offsets != 0]
         inside = (near >= 0) & (near < len(self.time))
         for column in range(without.shape[1]):
@@ -72,21 +72,32 @@ class _Record:
         chosen = np.argpartition(away, 2 * self.half - 1, axis=-1)[..., : 2 * self.half]
         span = np.take_along_axis(away, chosen, axis=-1).max(axis=-1)
         judged &= span <= self.longest
-        span = np.where(judged, span, 1.0)
         near = np.take_along_axis(near, chosen, axis=-1)
-        weights = _cubic_weights((self.time[near] - self.time[own][..., None]) / span[..., None], judged)
-        left = self.values[own] - np.sum(weights * self.values[near], axis=-1)
-        beyond = np.abs(left) / np.sqrt(1 + np.sum(weights**2, axis=-1)) - JUMP_GAIN * self.jump[own] * span**2
-        return np.where(judged, np.maximum(beyond, 0.0), 0.0)
+        offset = (self.time[near] - self.time[own][..., None]) / np.where(judged, span, 1.0)[..., None]
+        weights = _cubic_weights(np.where(judged[..., None], offset, np.linspace(-1, 1, 2 * self.half)))
+        left = self.values[own] - np.einsum("...j,...j->...", weights, self.values[near])
+        deviation = np.abs(left) / np.sqrt(1 + np.einsum("...j,...j->...", weights, weights))
+        return np.where(judged, deviation, 0.0), np.where(judged, JUMP_GAIN * span**2, 0.0)
 
 
-def _cubic_weights(offset: FloatArray, judged: BoolArray) -> FloatArray:
-    """Return the weights with which a least-squares cubic predicts its value at offset 0."""
-    powers = offset[..., None] ** np.arange(4)
-    normal = np.swapaxes(powers, -1, -2) @ powers
-    normal[~judged] = np.eye(4)
-    first = np.linalg.solve(normal, np.broadcast_to(np.eye(4)[:, :1], (*normal.shape[:-1], 1)))
-    return np.asarray((powers @ first)[..., 0])
+def _cubic_weights(offset: FloatArray) -> FloatArray:
+    """Return the weights with which a least-squares cubic through offsets predicts its value at offset 0.
+
+    Σ P(0) P(offset) / |P|² over the polynomials P that are orthogonal on the offsets, made one from the last two.
+    """
+    here, there = np.ones((*offset.shape[:-1], 1)), np.ones_like(offset)
+    here_before, there_before = np.zeros_like(here), np.zeros_like(offset)
+    weights, norm_before = np.zeros_like(offset), np.ones_like(here)
+    for _ in range(4):
+        square = there**2
+        norm = np.einsum("...j->...", square)[..., None]
+        weights += here / norm * there
+        centre = np.einsum("...j,...j->...", square, offset)[..., None] / norm
+        ratio = norm / norm_before
+        there, there_before = (offset - centre) * there - ratio * there_before, there
+        here, here_before = -centre * here - ratio * here_before, here
+        norm_before = norm
+    return weights
 
 
 def find_spikes(time_s: FloatArray, values: FloatArray, *, std: FloatArray | float = 0.0) -> BoolArray:
@@ -137,17 +148,18 @@ def find_spikes(time_s: FloatArray, values: FloatArray, *, std: FloatArray | flo
 def _find_once(time: FloatArray, values: FloatArray, floor: FloatArray, half: int) -> IntArray:
     """Return the spikes that stand clear of each other, judged by so many neighbours on each side."""
     longest = 6 * half * float(np.median(np.diff(time)))
-    record = _Record(time=time, values=values, half=half, longest=longest, jump=np.zeros(len(time)))
-    index = np.arange(len(time))[:, None]
-    noise = record.residuals(index, np.full_like(index, -1))[:, 0]
-    whole = np.clip(index[:, 0], min(SCALE_WIDTH, len(time)) // 2, len(time) - 1 - min(SCALE_WIDTH, len(time) - 1) // 2)
-    noise = np.maximum(median_filter(noise, width=SCALE_WIDTH)[whole], np.median(noise))
+    record = _Record(time=time, values=values, half=half, longest=longest)
+    index = np.arange(len(time))
+    none = np.empty((len(time), 0), dtype=np.int64)
+    deviation, gain = (part[:, 0] for part in record.deviations(index[:, None], none))
+    width = min(SCALE_WIDTH, len(time) - 1 + len(time) % 2)
+    whole = np.clip(index, width // 2, len(time) - 1 - width // 2)
+    noise = np.maximum(median_filter(deviation, width)[whole], np.median(deviation))
     scale = np.maximum(MEDIAN_TO_STD * noise + 1e-12 * float(np.max(np.abs(values))), floor)
-    record = replace(record, jump=_acceleration_jump(time, values, half))
-    alone = record.residuals(index, np.full_like(index, -1))[:, 0]
-    suspect = np.flatnonzero(alone > 3.0 * scale)
-    around = suspect[:, None] + np.arange(-record.half - REACH, record.half + 1)
-    return _choose_patterns(record, np.unique(np.clip(around, 0, len(time) - 1)), scale)
+    jump = _acceleration_jump(time, values, half)
+    suspect = np.flatnonzero(deviation - gain * jump > 3.0 * scale)
+    around = suspect[:, None] + np.arange(-half - REACH, half + 1)
+    return _choose_patterns(record, np.unique(np.clip(around, 0, len(time) - 1)), scale, jump)
 
 
 def _acceleration_jump(time: FloatArray, values: FloatArray, lag: int) -> FloatArray:
@@ -158,18 +170,19 @@ def _acceleration_jump(time: FloatArray, values: FloatArray, lag: int) -> FloatA
     return np.asarray(maximum_filter1d(acceleration, 21) - minimum_filter1d(acceleration, 21))
 
 
-def _choose_patterns(record: _Record, starts: IntArray, scale: FloatArray) -> IntArray:
+def _choose_patterns(record: _Record, starts: IntArray, scale: FloatArray, jump: FloatArray) -> IntArray:
     """Return the smallest sets of samples that are far off while their neighbours, without them, are quiet."""
     last = len(scale) - 1
     offsets = np.arange(-record.half, REACH + record.half + 1)
     taken = np.zeros(len(scale), dtype=bool)
     for size in (1, 2, 3):
         free = np.array([s for s in starts if not taken[max(s - record.half, 0) : s + REACH + 1].any()], dtype=np.int64)
-        window_scale = scale[np.clip(free[:, None] + offsets, 0, last)]
+        window = np.clip(free[:, None] + offsets, 0, last)
         offers: list[tuple[float, int, tuple[int, ...]]] = []
         for pattern in (p for p in PATTERNS if len(p) == size):
             members = free[:, None] + np.array(pattern)
-            score = record.residuals(free[:, None] + offsets, members) / window_scale
+            deviation, gain = record.deviations(free[:, None] + offsets, members)
+            score = np.maximum(deviation - gain * jump[window], 0.0) / scale[window]
             member = np.isin(offsets, pattern)
             near = ~member & (offsets <= pattern[-1] + record.half)
             off, rest = score[:, member].min(axis=1), score[:, near].max(axis=1)

@@ -83,7 +83,6 @@ class SmoothingSpline:
             self.sample_std**2,
             (flat[rising] - self.time_s[0]) / step,
             order=order,
-            memory=_memory(self.bandwidth_hz, step),
         )
         result = np.full(flat.shape, np.nan)
         result[rising] = np.sqrt(variance) / step**order

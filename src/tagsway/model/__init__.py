@@ -10,7 +10,7 @@ its name. No type computes anything that a stage should, and none opens a file.
 """
 
 from tagsway.model.arrays import BoolArray, FloatArray, GreyArray, IntArray
-from tagsway.model.camera import Camera
+from tagsway.model.camera import Camera, PlaneView, SeenTag
 from tagsway.model.curves import (
     Curves,
     DecayCurve,
@@ -47,7 +47,7 @@ from tagsway.model.shaper import DesignMode, DigitalFilter, Impulse, Residual, S
 from tagsway.model.tags import Detection, Sighting, Sightings, TagSightings
 from tagsway.model.track import SCALE_STD, CleanTagTrack, CleanTrack, TagTrack, Track
 from tagsway.model.trajectory import JointPath, SampledTrajectory, Trajectory
-from tagsway.model.video import Frame, VideoInfo
+from tagsway.model.video import Frame, Progress, VideoInfo
 
 __all__ = [
     "GRAVITY_M_S2",
@@ -87,12 +87,15 @@ __all__ = [
     "Pendulum",
     "PendulumCurve",
     "PendulumEstimate",
+    "PlaneView",
+    "Progress",
     "Residual",
     "ResidualAcceleration",
     "ResidualCurve",
     "Result",
     "Robot",
     "SampledTrajectory",
+    "SeenTag",
     "Settings",
     "Shaper",
     "Sighting",

@@ -83,6 +83,8 @@ class PendulumEstimate:
         Radius r of the PCP's arc.
     pivot_offset_m : Estimate or None
         Height of the pivot above the TCP tag (negative: below).
+    pivot_offset_x_m : Estimate or None
+        How far the pivot is to the right of the TCP tag.
     mass_kg : float or None
         As the user gave it.
     point_mass : bool or None
@@ -108,6 +110,7 @@ class PendulumEstimate:
     length_m: Estimate | None
     tag_radius_m: Estimate | None
     pivot_offset_m: Estimate | None
+    pivot_offset_x_m: Estimate | None = None
     mass_kg: float | None
     point_mass: bool | None
     stiffness_n_m_per_rad: Estimate | None
@@ -128,6 +131,7 @@ class PendulumEstimate:
             length_m=None,
             tag_radius_m=None,
             pivot_offset_m=None,
+            pivot_offset_x_m=None,
             mass_kg=mass_kg,
             point_mass=None,
             stiffness_n_m_per_rad=None,

@@ -1,10 +1,14 @@
 """What comes out of a video file: grey images with their true times."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from tagsway.model.arrays import GreyArray
 from tagsway.model.estimate import FORBID_UNKNOWN
+
+Progress = Callable[[int, int], None]
+"""Called with how many frames are done, and how many there are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,23 +1,24 @@
 """From a track to its pendulum."""
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import (
     GRAVITY_M_S2,
-    SCALE_STD,
     Estimate,
     Implied,
     ModalEstimate,
     Notice,
     PendulumCurve,
     PendulumEstimate,
+    TagTrack,
     Track,
     Window,
 )
-from tagsway.pendulum.arc import Arc, fit_circle
+from tagsway.pendulum.arc import LARGEST_RADIUS_STD, MOST_SAMPLES, Arc, fit_arc
 from tagsway.pendulum.fit import Solution, fit_record
 from tagsway.pendulum.model import (
     Unknown,
@@ -27,15 +28,12 @@ from tagsway.pendulum.model import (
     stiffness_over_inertia,
     tag_radius_m,
 )
-from tagsway.pendulum.record import Record, choose_record
+from tagsway.pendulum.record import FALLBACK_STD_M, Record, choose_record, fit_turn, part_of
 from tagsway.pendulum.start import find_arc, find_starts
 from tagsway.pendulum.verdict import LARGEST_EXCESS, is_point_mass, judge
 
 LEAST_SWAY_OVER_NOISE = 10.0
 """A payload that sways less than this many times its tags' noise shows no pendulum."""
-
-LARGEST_RADIUS_STD = 0.1
-"""Relative standard error above which r and the pivot are not given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +47,8 @@ class PendulumFit:
     curve : PendulumCurve or None
         Measured against simulated sway; None where nothing was fitted.
     notices : tuple of Notice
-        Codes `pendulum_not_determined`, `no_spring`, `point_mass_equivalent`, `pendulum_record_shortened`.
+        Codes `pendulum_not_determined`, `no_spring`, `point_mass_equivalent`, `pendulum_record_shortened`,
+        `arc_witnesses_disagree`.
     """
 
     estimate: PendulumEstimate
@@ -109,10 +108,7 @@ def fit_pendulum(
     try:
         record, arc, solution = _fit(track, window, modal, rng)
     except NotIdentifiableError as problem:
-        reason = str(problem)
-        return PendulumFit(
-            estimate=PendulumEstimate.unknown(reason, mass_kg=mass_kg), curve=None, notices=(_not_determined(reason),)
-        )
+        return _without_dynamics(str(problem), track, window, mass_kg)
     curve = PendulumCurve(
         time_s=record.time_s, measured=record.sway_m, simulated=np.ascontiguousarray(solution.predicted[:2].T)
     )
@@ -125,13 +121,11 @@ def _fit(track: Track, window: Window, modal: ModalEstimate, rng: np.random.Gene
         raise _undetermined("the tool's tag was never seen: the pivot's motion is not known")
     if track.length_unit != "m":
         raise _undetermined("positions are in pixels: give the tags' size for lengths")
-    inside = (track.time_s >= window.start_s) & (track.time_s <= window.end_s)
-    sway, std = (track.pcp.position - track.tcp.position)[inside], track.pcp.position_std[inside]
     if modal.natural_frequency_hz is not None:
         omega = 2 * np.pi * modal.natural_frequency_hz.value
         fallback_radius = GRAVITY_M_S2 / omega**2
     else:
-        fallback_radius = fit_circle(sway, np.where(std > 0, std, 1e-4)).radius_m
+        fallback_radius = _arc_of_window(track, track.tcp, window).radius_m
         omega = float(np.sqrt(GRAVITY_M_S2 / fallback_radius))
     record = choose_record(track, window, angular_frequency_rad_s=omega, rng=rng)
     noise = float(np.nanmedian(record.sway_std_m))
@@ -145,6 +139,33 @@ def _fit(track: Track, window: Window, modal: ModalEstimate, rng: np.random.Gene
         raise _undetermined("no pendulum follows this motion: check the window and the tags' sizes") from problem
 
 
+def _arc_of_window(track: Track, tool: TagTrack, window: Window) -> Arc:
+    """Return the arc of the free vibration, which needs no dynamics; `NotIdentifiableError` where there is none."""
+    inside = np.flatnonzero((track.time_s >= window.start_s) & (track.time_s <= window.end_s))
+    inside = inside[:: max(1, len(inside) // MOST_SAMPLES)]
+    time, tool, pcp = track.time_s[inside], part_of(tool, inside), part_of(track.pcp, inside)
+    std = np.hypot(pcp.position_std, tool.position_std)
+    return fit_arc(
+        pcp.position - tool.position,
+        np.where(std > 0, std, FALLBACK_STD_M),
+        pcp.angle_rad,
+        pcp.angle_std_rad,
+        tool_turn_rad=fit_turn(time, tool)(time),
+    )
+
+
+def _without_dynamics(reason: str, track: Track, window: Window, mass_kg: float | None) -> PendulumFit:
+    """Return what stands where no pendulum could be fitted: at most the arc."""
+    estimate, notices = PendulumEstimate.unknown(reason, mass_kg=mass_kg), [_not_determined(reason)]
+    if track.tcp is not None and track.length_unit == "m":
+        with suppress(NotIdentifiableError):
+            arc = _arc_of_window(track, track.tcp, window)
+            radius, x, z = _geometry(arc, None)
+            estimate = replace(estimate, tag_radius_m=radius, pivot_offset_m=z, pivot_offset_x_m=x)
+            notices += [slip] if (slip := arc.disagreement()) else []
+    return PendulumFit(estimate=estimate, curve=None, notices=tuple(notices))
+
+
 def _report(
     record: Record, arc: Arc, solution: Solution, mass_kg: float | None
 ) -> tuple[PendulumEstimate, tuple[Notice, ...]]:
@@ -153,7 +174,8 @@ def _report(
     length = solution.estimate(length_m, low=0.0) if told else None
     over_inertia = solution.estimate(stiffness_over_inertia) if told else None
     follows = solution.excess <= LARGEST_EXCESS
-    radius, height = _arc_of(arc, solution if follows else None)
+    slip = arc.disagreement()
+    radius, offset_x, offset_z = _geometry(arc, solution if follows and slip is None else None)
     point_mass = is_point_mass(solution) if told else None
     stiffness: Estimate | None = None
     damper: Estimate | None = None
@@ -161,7 +183,7 @@ def _report(
         mass = mass_kg
         stiffness = solution.estimate(lambda p: stiffness_over_inertia(p) * mass * length_m(p) ** 2)
         damper = solution.estimate(lambda p: damping_over_inertia(p) * mass * length_m(p) ** 2, low=0.0)
-    notices = []
+    notices = [] if slip is None else [slip]
     if verdict.kind == "indicative":
         notices.append(Notice(code="pendulum_indicative", message=verdict.reason))
     elif verdict.kind == "refuse":
@@ -185,7 +207,8 @@ def _report(
     estimate = PendulumEstimate(
         length_m=length,
         tag_radius_m=radius,
-        pivot_offset_m=height,
+        pivot_offset_m=offset_z,
+        pivot_offset_x_m=offset_x,
         mass_kg=mass_kg,
         point_mass=point_mass,
         stiffness_n_m_per_rad=stiffness,
@@ -205,17 +228,17 @@ def _report(
     return estimate, tuple(notices)
 
 
-def _arc_of(arc: Arc, solution: Solution | None) -> tuple[Estimate | None, Estimate | None]:
-    """Return r and the pivot's height: of the fit, or of the geometry alone where no pendulum follows the motion."""
+def _geometry(arc: Arc, solution: Solution | None) -> tuple[Estimate, Estimate, Estimate] | tuple[None, None, None]:
+    """Return r, and x and z of the pivot: of the fit, or of the arc alone where no pendulum follows the motion."""
     if solution is not None:
         radius = solution.estimate(tag_radius_m, low=0.0)
-        height = solution.estimate(lambda p: p[Unknown.OFFSET_Z])
-    elif np.isfinite(arc.radius_std_m):
-        std = float(np.hypot(arc.radius_std_m, SCALE_STD * arc.radius_m))
-        radius, height = Estimate.normal(arc.radius_m, std, low=0.0), Estimate.normal(float(arc.centre_m[1]), std)
+        x = solution.estimate(lambda p: p[Unknown.OFFSET_X])
+        z = solution.estimate(lambda p: p[Unknown.OFFSET_Z])
+    elif arc.known:
+        radius, (x, z) = arc.radius(), arc.offset()
     else:
-        return None, None
-    return (radius, height) if radius.std <= LARGEST_RADIUS_STD * radius.value else (None, None)
+        return None, None, None
+    return (radius, x, z) if radius.std <= LARGEST_RADIUS_STD * radius.value else (None, None, None)
 
 
 def _not_determined(reason: str) -> Notice:

@@ -77,6 +77,10 @@ def predict_angle(record: Record, parameters: FloatArray, velocity_m_s: FloatArr
     """
     p = parameters
     velocity = velocity_m_s if velocity_m_s.ndim == 3 else velocity_m_s[:, :, None]
+    if np.any(record.turn_rate_rad_s):
+        across, up = _turned_offset(p, record.turn_at_rad)
+        swirl = record.turn_rate_rad_s[:, None]
+        velocity = velocity + np.stack([-swirl * up, swirl * across], axis=1)
     sine, cosine = np.sin(p[Unknown.TILT]), np.cos(p[Unknown.TILT])
     scale = 1 + p[Unknown.SCALE] - p[Unknown.RELATIVE_SCALE] / 2
     x, z = velocity[:, 0] / scale, velocity[:, 1] / (scale * (1 + p[Unknown.VERTICAL_SCALE]))
@@ -133,6 +137,14 @@ def predict(record: Record, parameters: FloatArray, velocity_m_s: FloatArray | N
     seen = q + p[Unknown.TILT]
     arm = (1 + p[Unknown.SCALE] + p[Unknown.RELATIVE_SCALE] / 2) * tag_radius_m(p)
     drift = record.tool_m[:, :, None] * p[Unknown.RELATIVE_SCALE]
-    x = p[Unknown.OFFSET_X] + arm * np.sin(seen) + drift[:, 0]
-    z = p[Unknown.OFFSET_Z] - (1 + p[Unknown.VERTICAL_SCALE]) * arm * np.cos(seen) + drift[:, 1]
+    offset_x, offset_z = _turned_offset(p, record.tool_turn_rad)
+    x = offset_x + arm * np.sin(seen) + drift[:, 0]
+    z = offset_z - (1 + p[Unknown.VERTICAL_SCALE]) * arm * np.cos(seen) + drift[:, 1]
     return np.stack([x, z, q + p[Unknown.TAG_ANGLE]])
+
+
+def _turned_offset(parameters: FloatArray, turn_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return x and z of the pivot from the TCP tag, turned with the tool, shape (n, m) each."""
+    x, z = parameters[Unknown.OFFSET_X], parameters[Unknown.OFFSET_Z]
+    sine, cosine = np.sin(turn_rad)[:, None], np.cos(turn_rad)[:, None]
+    return cosine * x - sine * z, sine * x + cosine * z

@@ -1,13 +1,22 @@
 """The part of a track that a pendulum is fitted to: the sway, the tag's angle, and the pivot's velocity."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.filters import SmoothingSpline, find_track_spikes, fit_tag_splines, measure_tag_noise
-from tagsway.model import FloatArray, Notice, TagTrack, Track, Window
+from tagsway.filters import (
+    SmoothingSpline,
+    find_track_spikes,
+    fit_smoothing_spline,
+    fit_tag_splines,
+    measure_tag_noise,
+)
+from tagsway.model import BoolArray, FloatArray, IntArray, Notice, TagTrack, Track, Window
+from tagsway.pendulum.arc import LEAST_STD_M, LEAST_STD_RAD
 
 DRAWS = 300
 """Draws of the pivot's path, whose scatter is the input's share of the samples' covariance.
@@ -30,14 +39,17 @@ LEAST_TRAVEL_M = 0.01
 MOVING_SHARE = 0.05
 """Share of the peak speed above which the tool moves; the arms' vibration after a move stays below it."""
 
+LEAST_TURN_RAD, TURN_OVER_NOISE = 0.01, 10.0
+"""A tool that turns by less than 0.6°, or than so many errors of its angle, keeps upright."""
+
+MARGIN_S = 0.3
+"""Samples on both sides of the record that steady its splines at the ends."""
+
 LEAD_IN_S, STANDSTILL_S = 0.1, 0.3
 """Rest before the move that is fitted with it; a stop longer than the second separates two moves."""
 
 CODEC_MEMORY_S = 0.1
 """How long a codec keeps to one error of a moving block: H.264's errors wander over 20 to 100 frames at 200 fps."""
-
-LEAST_STD_M, LEAST_STD_RAD = 1e-5, 2e-4
-"""No tag is measured better than this; a simulated track without noise would otherwise be judged by its rounding."""
 
 FALLBACK_STD_M, FALLBACK_STD_RAD = 1e-4, 3e-3
 """Standard errors of a track that states none; the residuals then say what the noise is."""
@@ -59,6 +71,10 @@ class Record:
         The PCP tag's rotation, NaN where there is none, and its noise.
     tool_m : ndarray, shape (n, 2)
         Smoothed path of the TCP, from its mean.
+    tool_turn_rad : ndarray, shape (n,)
+        Smoothed rotation of the TCP from its median; zero where it does not show one.
+    turn_rate_rad_s, turn_at_rad : ndarray, shape (2 k - 1,)
+        The same, its rate and itself, at the nodes and half-way between.
     nodes_s : ndarray, shape (k,)
         Nodes of the simulation, evenly spaced; samples lie between them.
     velocity_m_s : ndarray, shape (2 k - 1, 2)
@@ -80,6 +96,9 @@ class Record:
     angle_rad: FloatArray
     angle_std_rad: FloatArray
     tool_m: FloatArray
+    tool_turn_rad: FloatArray
+    turn_at_rad: FloatArray
+    turn_rate_rad_s: FloatArray
     nodes_s: FloatArray
     velocity_m_s: FloatArray
     velocity_draws_m_s: FloatArray
@@ -120,64 +139,156 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
     """
     if track.tcp is None:
         raise _undetermined("the tool's tag was never seen: the pivot's motion is not known")
-    time = track.time_s
-    std = _usable_std(track.tcp.position_std, LEAST_STD_M, FALLBACK_STD_M)
-    tool = replace(track.tcp, position_std=std)
-    left_out = find_track_spikes(time, tool) | ~np.all(np.isfinite(tool.position), axis=1) | (time > window.end_s)
-    seen = time[~left_out]
-    if not len(seen) >= LEAST_SAMPLES:
-        raise _undetermined(f"the tool's tag was seen in {len(seen)} frames only: expected at least {LEAST_SAMPLES}")
-    paths = fit_tag_splines(time, tool, left_out)
-    start, moved = _start_of_move(seen, paths, window)
-    if moved:
-        speed = np.hypot(*(np.nan_to_num(path(time, 1)) for path in paths))
-        moving = ~left_out & (time >= start) & (speed > MOVING_SHARE * np.max(speed))
-        if np.count_nonzero(moving) >= LEAST_SAMPLES:
-            paths = fit_tag_splines(time, tool, left_out, moving=moving)
-    step = min(STEP_RAD / angular_frequency_rad_s, max(2 * float(np.median(np.diff(time))), 0.005))
-    last = min(window.end_s, float(seen[-1]))
+    step = min(STEP_RAD / angular_frequency_rad_s, max(2 * float(np.median(np.diff(track.time_s))), 0.005))
+    near = _Vicinity.of(track, track.tcp, window, LONGEST_STEPS * step)
+    start, moving_m_s = near.start_of_move(window)
+    moved = moving_m_s is not None
+    last = min(window.end_s, near.last_seen_s)
     end = min(last, start + LONGEST_STEPS * step)
+    near = near.part((near.time_s >= start - MARGIN_S) & (near.time_s <= end + MARGIN_S))
+    time = near.time_s
     inside = (time >= start) & (time <= end)
-    both = inside & np.all(np.isfinite(track.pcp.position) & np.isfinite(track.tcp.position), axis=1)
+    both = inside & np.all(np.isfinite(near.pcp.position) & np.isfinite(near.tool.position), axis=1)
     if not np.count_nonzero(both) >= LEAST_SAMPLES:
         raise _undetermined(
             f"both tags were seen in {np.count_nonzero(both)} frames of the motion: expected at least {LEAST_SAMPLES}"
         )
+    paths = near.paths(start, moving_m_s)
     nodes = np.linspace(start, end, max(int(np.ceil((end - start) / step)), 2) + 1)
     halves = np.interp(np.arange(2 * len(nodes) - 1) / 2, np.arange(len(nodes)), nodes)
     halves[-1] = end
     path = np.column_stack([p(time[inside]) for p in paths])
+    turn = fit_turn(time, near.tool)
+    noise = _noise(time, near.tool, near.spikes)
     return Record(
         time_s=time[inside],
         std_stated=bool(np.any(track.pcp.position_std > 0)),
-        sway_m=(track.pcp.position - track.tcp.position)[inside],
-        sway_std_m=np.hypot(_noise(time, track.pcp), _noise(time, tool))[inside],
-        angle_rad=track.pcp.angle_rad[inside],
-        angle_std_rad=_usable_std(track.pcp.angle_std_rad, LEAST_STD_RAD, FALLBACK_STD_RAD)[inside],
+        sway_m=(near.pcp.position - near.tool.position)[inside],
+        sway_std_m=np.hypot(_noise(time, near.pcp, find_track_spikes(time, near.pcp)), noise)[inside],
+        angle_rad=near.pcp.angle_rad[inside],
+        angle_std_rad=_usable_std(near.pcp.angle_std_rad, LEAST_STD_RAD, FALLBACK_STD_RAD)[inside],
         tool_m=path - path.mean(axis=0),
+        tool_turn_rad=turn(time[inside]),
+        turn_at_rad=turn(halves),
+        turn_rate_rad_s=turn(halves, 1),
         nodes_s=nodes,
         velocity_m_s=np.column_stack([p(halves, 1) for p in paths]),
         velocity_draws_m_s=np.stack([p.draw(rng, DRAWS)(halves, 1) for p in paths], axis=1)
-        + _draw_codec_drag(time, tool, halves, rng),
+        + _draw_codec_drag(time, near.tool, noise, halves, rng),
         moved=moved,
         lift_m=float(np.ptp(path[:, 1])) if moved else 0.0,
         notices=_shortened(start, end) if end < last else (),
     )
 
 
-def _start_of_move(
-    seen_s: FloatArray, paths: tuple[SmoothingSpline, SmoothingSpline], window: Window
-) -> tuple[float, bool]:
-    """Return where the record starts, and whether the pivot moves in it."""
-    before = seen_s[seen_s < window.start_s]
-    if len(before) > 1 and _travel(paths, before) > LEAST_TRAVEL_M:
-        speed = np.hypot(paths[0](before, 1), paths[1](before, 1))
-        moving = before[speed > MOVING_SHARE * np.max(speed)]
-        stops = np.flatnonzero(np.diff(moving) > STANDSTILL_S)
-        first = moving[stops[-1] + 1] if len(stops) else moving[0]
-        return float(max(first - LEAD_IN_S, seen_s[0])), True
-    start = max(window.start_s, float(seen_s[0]))
-    return start, _travel(paths, seen_s[seen_s >= start]) > LEAST_TRAVEL_M
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Vicinity:
+    """What lies within the longest record of the window's start: a film of an hour costs no more than one of a minute.
+
+    `spikes` are the tool's; `last_seen_s` is when the tool was last seen in the whole track.
+    """
+
+    time_s: FloatArray
+    tool: TagTrack
+    pcp: TagTrack
+    spikes: BoolArray
+    last_seen_s: float
+
+    @classmethod
+    def of(cls, track: Track, tool: TagTrack, window: Window, longest_s: float) -> Self:
+        """Return the track's part that a record can come from."""
+        seen = np.all(np.isfinite(tool.position), axis=1) & (track.time_s <= window.end_s)
+        inside = (track.time_s >= window.start_s - longest_s) & (track.time_s <= window.start_s + longest_s + MARGIN_S)
+        inside &= track.time_s <= window.end_s
+        if not np.count_nonzero(seen & inside) >= LEAST_SAMPLES:
+            raise _undetermined(
+                f"the tool's tag was seen in {np.count_nonzero(seen & inside)} frames only: "
+                f"expected at least {LEAST_SAMPLES}"
+            )
+        time, near = track.time_s[inside], part_of(tool, inside)
+        near = replace(near, position_std=_usable_std(near.position_std, LEAST_STD_M, FALLBACK_STD_M))
+        return cls(
+            time_s=time,
+            tool=near,
+            pcp=part_of(track.pcp, inside),
+            spikes=find_track_spikes(time, near),
+            last_seen_s=float(track.time_s[seen][-1]),
+        )
+
+    @property
+    def left_out(self) -> BoolArray:
+        """Where the tool was not seen, or falsely."""
+        return np.asarray(self.spikes | ~np.all(np.isfinite(self.tool.position), axis=1))
+
+    def part(self, chosen: BoolArray) -> Self:
+        """Return the chosen samples."""
+        return replace(
+            self,
+            time_s=self.time_s[chosen],
+            tool=part_of(self.tool, chosen),
+            pcp=part_of(self.pcp, chosen),
+            spikes=self.spikes[chosen],
+        )
+
+    def start_of_move(self, window: Window) -> tuple[float, float | None]:
+        """Return where the record starts, and the speed above which the pivot moves; None where it stands."""
+        seen = self.time_s[~self.left_out]
+        if not len(seen) >= LEAST_SAMPLES:
+            raise _undetermined(
+                f"the tool's tag was seen in {len(seen)} frames only: expected at least {LEAST_SAMPLES}"
+            )
+        paths = fit_tag_splines(self.time_s, self.tool, self.left_out)
+        before = seen[seen < window.start_s]
+        if len(before) > 1 and _travel(paths, before) > LEAST_TRAVEL_M:
+            speed = np.hypot(paths[0](before, 1), paths[1](before, 1))
+            least = MOVING_SHARE * float(np.max(speed))
+            moving = before[speed > least]
+            stops = np.flatnonzero(np.diff(moving) > STANDSTILL_S)
+            first = moving[stops[-1] + 1] if len(stops) else moving[0]
+            return float(max(first - LEAD_IN_S, seen[0])), least
+        start = max(window.start_s, float(seen[0]))
+        after = seen[seen >= start]
+        if not _travel(paths, after) > LEAST_TRAVEL_M:
+            return start, None
+        return start, MOVING_SHARE * float(np.max(np.hypot(paths[0](after, 1), paths[1](after, 1))))
+
+    def paths(self, start_s: float, moving_m_s: float | None) -> tuple[SmoothingSpline, SmoothingSpline]:
+        """Return the tool's smoothed path, as rough as it is where the tool moves."""
+        paths = fit_tag_splines(self.time_s, self.tool, self.left_out)
+        if moving_m_s is None:
+            return paths
+        speed = np.hypot(*(np.nan_to_num(path(self.time_s, 1)) for path in paths))
+        moving = ~self.left_out & (self.time_s >= start_s) & (speed > moving_m_s)
+        if not np.count_nonzero(moving) >= LEAST_SAMPLES:
+            return paths
+        return fit_tag_splines(self.time_s, self.tool, self.left_out, moving=moving)
+
+
+def fit_turn(time_s: FloatArray, tool: TagTrack) -> Callable[..., FloatArray]:
+    """Return the tool's smoothed rotation from its median as a function of times and of a derivative's order.
+
+    Zero where its tag shows none beyond its noise: a tool that keeps upright must not turn the pivot's offset by noise.
+    """
+    angle = np.where(np.isfinite(tool.angle_std_rad), tool.angle_rad, np.nan)
+    if np.count_nonzero(np.isfinite(angle)) >= LEAST_SAMPLES:
+        spline = fit_smoothing_spline(time_s, angle, tool.angle_std_rad)
+        path, seen = spline(time_s), np.isfinite(angle)
+        wander = float(np.ptp(np.nanpercentile(path, [2, 98])))
+        if wander > max(LEAST_TURN_RAD, TURN_OVER_NOISE * float(np.nanmedian(spline.std(time_s[seen])))):
+            level, first, last = float(np.nanmedian(path)), spline.time_s[0], spline.time_s[-1]
+            return lambda t, order=0: spline(np.clip(t, first, last), order) - (0.0 if order else level)
+    return lambda t, order=0: np.zeros(np.shape(t))
+
+
+def part_of(tag: TagTrack, chosen: BoolArray | IntArray) -> TagTrack:
+    """Return some of a tag's samples."""
+    return replace(
+        tag,
+        position=tag.position[chosen],
+        position_std=tag.position_std[chosen],
+        angle_rad=tag.angle_rad[chosen],
+        angle_std_rad=tag.angle_std_rad[chosen],
+    )
 
 
 def _travel(paths: tuple[SmoothingSpline, SmoothingSpline], time_s: FloatArray) -> float:
@@ -190,14 +301,15 @@ def _shortened(start_s: float, end_s: float) -> tuple[Notice]:
     return (Notice(code="pendulum_record_shortened", message=message),)
 
 
-def _draw_codec_drag(time_s: FloatArray, tool: TagTrack, halves_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _draw_codec_drag(
+    time_s: FloatArray, tool: TagTrack, noise_m: FloatArray, halves_s: FloatArray, rng: np.random.Generator
+) -> FloatArray:
     """Return draws of the velocity by which a codec may have dragged the tool's tag, shape (2 k - 1, 2, draws).
 
     As large as the noise beyond the stated one, and as slow as a codec changes its mind; nothing for raw video.
     """
-    noise, stated = _noise(time_s, tool), np.where(np.isfinite(tool.position_std), tool.position_std, 0.0)
-    known = np.any(np.isfinite(tool.position_std) & (tool.position_std > 0))
-    excess = np.sqrt(np.maximum(noise**2 - stated**2, 0.0)) if known else np.zeros_like(noise)
+    stated = np.where(np.isfinite(tool.position_std), tool.position_std, 0.0)
+    excess = np.sqrt(np.maximum(noise_m**2 - stated**2, 0.0)) if np.any(stated > 0) else np.zeros_like(noise_m)
     knots = np.arange(halves_s[0], halves_s[-1] + 2 * CODEC_MEMORY_S, CODEC_MEMORY_S)
     wander = make_interp_spline(knots, rng.normal(size=(len(knots), 2, DRAWS)), k=3)(halves_s)
     size = np.column_stack([np.interp(halves_s, time_s, column) for column in excess.T])
@@ -205,10 +317,9 @@ def _draw_codec_drag(time_s: FloatArray, tool: TagTrack, halves_s: FloatArray, r
     return drag
 
 
-def _noise(time_s: FloatArray, tag: TagTrack) -> FloatArray:
+def _noise(time_s: FloatArray, tag: TagTrack, spikes: BoolArray) -> FloatArray:
     """Return a tag's noise at each sample: as its own smoothing shows it, or as stated where there is too little."""
     stated = _usable_std(tag.position_std, LEAST_STD_M, FALLBACK_STD_M)
-    spikes = find_track_spikes(time_s, tag)
     if np.count_nonzero(np.isfinite(tag.position).all(axis=1) & ~spikes) < LEAST_SAMPLES:
         return stated
     shown = measure_tag_noise(time_s, tag, spikes)

@@ -1,12 +1,9 @@
 """Where the fit of a pendulum starts: the arc's geometry, then a coarse grid simulated all at once."""
 
-from contextlib import suppress
-
 import numpy as np
 
-from tagsway.errors import NotIdentifiableError
 from tagsway.model import GRAVITY_M_S2, FloatArray, ModalEstimate
-from tagsway.pendulum.arc import Arc, fit_circle, fit_rotation
+from tagsway.pendulum.arc import Arc, fit_arc
 from tagsway.pendulum.model import Unknown, predict_angle
 from tagsway.pendulum.record import Record
 
@@ -21,7 +18,7 @@ LARGE_SWING_RAD = 1.0
 
 
 def find_arc(record: Record, fallback_radius_m: float) -> Arc:
-    """Return the arc of the better witness, the positions or the tag's rotation.
+    """Return the arc that the positions and the tag's rotation tell together.
 
     Parameters
     ----------
@@ -30,15 +27,16 @@ def find_arc(record: Record, fallback_radius_m: float) -> Arc:
     fallback_radius_m : float
         Radius to start from where the payload swings too little to show one: the error is then infinite.
     """
-    witnesses = [fit_circle(record.sway_m, record.sway_std_m)]
-    with suppress(NotIdentifiableError):
-        witnesses.append(fit_rotation(record.sway_m, record.sway_std_m, record.angle_rad, record.angle_std_rad))
-    best = min(witnesses, key=lambda arc: arc.radius_std_m / arc.radius_m)
-    if best.radius_std_m <= 0.2 * best.radius_m and best.radius_m < 20 * fallback_radius_m:
-        return best
+    arc = fit_arc(
+        record.sway_m, record.sway_std_m, record.angle_rad, record.angle_std_rad, tool_turn_rad=record.tool_turn_rad
+    )
+    if arc.radius_std_m <= 0.2 * arc.radius_m and arc.radius_m < 20 * fallback_radius_m:
+        return arc
     bottom = np.nanmedian(record.sway_m, axis=0)
     return Arc(
-        centre_m=bottom + np.array([0.0, fallback_radius_m]), radius_m=fallback_radius_m, radius_std_m=float("inf")
+        centre_m=bottom + np.array([0.0, fallback_radius_m]),
+        radius_m=fallback_radius_m,
+        covariance_m2=np.diag([np.inf, np.inf, np.inf]),
     )
 
 

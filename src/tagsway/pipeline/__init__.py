@@ -7,5 +7,6 @@ output       everything of a measurement  →  the files of its folder
 
 from tagsway.pipeline.measurement import Measurement, identify
 from tagsway.pipeline.output import check_outputs, write_measurement
+from tagsway.pipeline.recording import TABLES
 
-__all__ = ["Measurement", "check_outputs", "identify", "write_measurement"]
+__all__ = ["TABLES", "Measurement", "check_outputs", "identify", "write_measurement"]

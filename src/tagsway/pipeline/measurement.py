@@ -21,10 +21,12 @@ from tagsway.model import (
     Move,
     Notice,
     PendulumEstimate,
+    Progress,
     ResidualCurve,
     Result,
     Settings,
     Shaper,
+    Sightings,
     Source,
     Spread,
     Track,
@@ -32,17 +34,20 @@ from tagsway.model import (
     Window,
 )
 from tagsway.pendulum import PendulumFit, fit_pendulum
-from tagsway.pipeline.recording import DECODER_THREADS, Progress, Recording, describe_tags, read_recording
+from tagsway.pipeline.recording import DECODER_THREADS, Recording, describe_tags, read_recording
 from tagsway.pipeline.shaping import PlannedMove, plan_shaped_move
 from tagsway.shapers import SHAPER_TYPES, design_shaper, residual_curve
 from tagsway.store.documents import to_document
 from tagsway.store.steps import StepStore, track_digest
 from tagsway.trajectories import plan_move
+from tagsway.video.opening import name_film
 
 HARMLESS = frozenset(
     {
+        "camera_from_motion",
         "capture_rate_from_metadata",
         "damping_depends_on_amplitude",
+        "fast_for_its_radius",
         "frequency_depends_on_amplitude",
         "no_mass",
         "no_move",
@@ -51,8 +56,10 @@ HARMLESS = frozenset(
         "pendulum_indicative",
         "pendulum_not_determined",
         "pendulum_record_shortened",
+        "plain_scale",
         "point_mass_equivalent",
         "single_measurement",
+        "slow_for_its_radius",
     }
 )
 """Codes of warnings that say what a measurement cannot tell, not that something was wrong with it."""
@@ -72,6 +79,8 @@ class Measurement:
         The same without spikes.
     curves : Curves
         What the figures draw.
+    sightings : Sightings or None
+        The tags in the video's own pixels; None for a table.
     planned : PlannedMove or None
         The shaped move, where one was asked for.
     not_determined : str or None
@@ -82,6 +91,7 @@ class Measurement:
     track: Track
     clean: CleanTrack
     curves: Curves
+    sightings: Sightings | None
     planned: PlannedMove | None
     not_determined: str | None
 
@@ -143,7 +153,7 @@ def identify(
         depends_on=[track_digest(recording.track), to_document(window), settings.mass_kg, settings.sway_axis],
     )
     indicators = measure_indicators(recording.track, clean, window)
-    shaper = _design(settings, fit, file.name)
+    shaper = _design(settings, fit, name_film(file))
     planned = None if move is None or shaper is None else plan_shaped_move(move, shaper)
     notices = (
         *recording.notices,
@@ -173,7 +183,13 @@ def identify(
         trajectory=planned.curve if planned else None,
     )
     return Measurement(
-        result=result, track=recording.track, clean=clean, curves=curves, planned=planned, not_determined=None
+        result=result,
+        track=recording.track,
+        clean=clean,
+        curves=curves,
+        sightings=recording.sightings,
+        planned=planned,
+        not_determined=None,
     )
 
 
@@ -241,6 +257,7 @@ def _undetermined(
         track=recording.track,
         clean=clean,
         curves=Curves(track=_track_curve(recording.track, clean)),
+        sightings=recording.sightings,
         planned=None,
         not_determined=f"{file}: {reason}",
     )
@@ -250,7 +267,7 @@ def _empty_result(file: Path, settings: Settings, recording: Recording) -> Resul
     return Result(
         status="not_determined",
         created_by=Creator(name="tagsway", version=__version__),
-        source=Source(file=file.name, sha256=recording.sha256, settings=settings),
+        source=Source(file=name_film(file), sha256=recording.sha256, settings=settings),
         video=recording.video,
         frame=recording.frame,
         tags=recording.tags,

@@ -5,15 +5,19 @@ import tempfile
 from pathlib import Path
 
 from tagsway.errors import InputError
+from tagsway.files import write_text
+from tagsway.indicators import find_move
+from tagsway.model import Progress, Window
 from tagsway.pipeline.measurement import Measurement
 from tagsway.report.figures import FIGURES, write_figures
+from tagsway.report.overlay import write_overlay
 from tagsway.report.page import render_page
-from tagsway.store.atomic import write_text
 from tagsway.store.documents import RESULT_SCHEMA, dump, read_json, write_result, write_shaper
 from tagsway.store.packing import write_curves
-from tagsway.store.tracks import track_csv
+from tagsway.store.tracks import write_track
 
 RESULT = "result.json"
+OVERLAY = "overlay.mp4"
 OUTPUTS = (
     "track.csv",
     "curves.npz",
@@ -21,13 +25,16 @@ OUTPUTS = (
     "trajectory.csv",
     "trajectory.json",
     "report.html",
+    OVERLAY,
     *(f"figures/{name}.png" for name in FIGURES),
     RESULT,
 )
 """Every file that a measurement may have, in the order in which they take their places; the result comes last."""
 
 
-def write_measurement(measurement: Measurement, folder: Path) -> None:
+def write_measurement(
+    measurement: Measurement, folder: Path, *, film: Path | None = None, progress: Progress | None = None
+) -> None:
     """Write everything that a measurement has into a folder: all of it, or nothing.
 
     Parameters
@@ -37,12 +44,27 @@ def write_measurement(measurement: Measurement, folder: Path) -> None:
     folder : Path
         Made where it is missing. What an earlier measurement left there and this one does not have is removed, so that
         no file in it belongs to another result; what is not a measurement's is left alone.
+    film : Path, optional
+        The video that was measured: then what was seen is drawn into it, as overlay.mp4, determined or not.
+        A table has none.
+    progress : callable, optional
+        Called with (frames done, frames in all) while that is drawn.
     """
     fresh = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     staging = Path(tempfile.mkdtemp(dir=folder, prefix=".new-"))
     try:
         _write_all(measurement, staging)
+        if film is not None and measurement.sightings is not None:
+            write_overlay(
+                staging / OVERLAY,
+                film,
+                result=measurement.result,
+                sightings=measurement.sightings,
+                track=measurement.track,
+                move=_find_move(measurement),
+                progress=progress,
+            )
         earlier = _holds_a_measurement(folder)
         for name in OUTPUTS:
             if (staging / name).exists():
@@ -69,7 +91,7 @@ def check_outputs(folder: Path, *inputs: Path | None) -> None:
 
 def _write_all(measurement: Measurement, folder: Path) -> None:
     result = measurement.result
-    write_text(folder / "track.csv", track_csv(measurement.track, measurement.clean))
+    write_track(folder / "track.csv", measurement.track, measurement.clean)
     if measurement.not_determined is None:
         write_curves(folder / "curves.npz", measurement.curves)
         if result.shaper is not None:
@@ -81,6 +103,13 @@ def _write_all(measurement: Measurement, folder: Path) -> None:
         write_figures(result, measurement.curves, folder / "figures")
         write_text(folder / "report.html", render_page(result, measurement.curves, title=result.source.file))
     write_result(folder / RESULT, result)
+
+
+def _find_move(measurement: Measurement) -> Window | None:
+    clean, window = measurement.clean, measurement.result.window
+    if clean.tcp is None or window is None or measurement.track.length_unit != "m":
+        return None
+    return find_move(clean.time_s, clean.tcp.position, clean.tcp.velocity, window)
 
 
 def _holds_a_measurement(folder: Path) -> bool:

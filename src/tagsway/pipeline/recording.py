@@ -1,19 +1,20 @@
 """From a file to a track: a video's tags, or a table that somebody wrote."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from tagsway.camera import undistort_sightings
+from tagsway.camera import find_view, straighten_sightings, undistort_sightings
 from tagsway.errors import InputError
 from tagsway.model import (
     CoordinateFrame,
     Frame,
     GreyArray,
     Notice,
+    Progress,
     Settings,
     Sightings,
     TagsSummary,
@@ -29,10 +30,10 @@ from tagsway.tags.families import tag_family
 from tagsway.tags.follow import follow_tags
 from tagsway.tags.others import find_other_tags
 from tagsway.tracks import join_tags
+from tagsway.tracks.repeats import drop_repeats
+from tagsway.tracks.shutter import correct_shutter
+from tagsway.video.opening import is_pattern, list_files
 from tagsway.video.reading import read_clock, read_frames
-
-Progress = Callable[[int, int], None]
-"""Called with how many frames are done, and how many there are."""
 
 TABLES = frozenset({".csv", ".tsv", ".txt"})
 """Endings of a track; anything else is taken for a video."""
@@ -59,6 +60,8 @@ class Recording:
         How well each tag was seen.
     video : VideoInfo or None
         None for a table.
+    sightings : Sightings or None
+        The tags in the video's own pixels; None for a table.
     notices : tuple of Notice
         What to know about it.
     """
@@ -68,6 +71,7 @@ class Recording:
     frame: CoordinateFrame
     tags: TagsSummary
     video: VideoInfo | None
+    sightings: Sightings | None
     notices: tuple[Notice, ...]
 
 
@@ -77,6 +81,8 @@ class Film:
 
     sightings: Sightings
     notices: tuple[Notice, ...]
+    turns: int
+    """Quarter turns, counter-clockwise, from the sensor's image to the upright one."""
 
 
 def read_recording(
@@ -92,7 +98,7 @@ def read_recording(
     Parameters
     ----------
     file : Path
-        A video, or a table (`.csv`, `.tsv`, `.txt`).
+        A video, numbered images (a pattern, or their folder), or a table (`.csv`, `.tsv`, `.txt`).
     settings : Settings
         What the user said about it.
     steps : StepStore
@@ -118,7 +124,7 @@ def read_recording(
     if settings.columns is not None:
         raise InputError(f"--columns names the columns of a table, and {file} is taken for a video: leave it out")
     camera = None if settings.camera is None else read_camera(Path(settings.camera))
-    digest = file_sha256(file)
+    digest = file_sha256(*list_files(file))
     film = steps.get(
         "film",
         Film,
@@ -127,15 +133,22 @@ def read_recording(
     )
     if not film.sightings.tags:
         raise InputError(_what_was_seen(file, settings))
-    sightings = film.sightings if camera is None else undistort_sightings(film.sightings, camera)
-    track, frame, notices = join_tags(sightings, settings, camera)
+    sightings = film.sightings
+    if camera is not None:
+        sightings = correct_shutter(sightings, readout_s=camera.readout_s, turns=film.turns)
+        sightings = undistort_sightings(sightings, camera)
+    view, view_notices = find_view(sightings, settings, camera=camera)
+    if view is not None:
+        sightings = straighten_sightings(sightings, view)
+    track, frame, notices = join_tags(sightings, settings, camera, view=view)
     return Recording(
         sha256=digest,
         track=quantise(track),
         frame=frame,
         tags=_summarise_tags(film.sightings, track, settings),
         video=film.sightings.video,
-        notices=(*film.notices, *notices),
+        sightings=film.sightings,
+        notices=(*film.notices, *view_notices, *notices),
     )
 
 
@@ -173,7 +186,8 @@ def track_video(
         tags=followed.tags,
         detector_calls=followed.detector_calls,
     )
-    return Film(sightings=sightings, notices=(*reader.notices, *followed.notices))
+    sightings, repeats = drop_repeats(sightings, reader.repeated[followed.frame])
+    return Film(sightings=sightings, notices=(*reader.notices, *repeats, *followed.notices), turns=reader.turns)
 
 
 def _reporting(frames: Iterable[Frame], total: int, progress: Progress | None) -> Iterator[Frame]:
@@ -184,11 +198,12 @@ def _reporting(frames: Iterable[Frame], total: int, progress: Progress | None) -
 
 
 def check_file(file: Path) -> None:
-    """Raise an InputError where a file is missing, a folder, or empty."""
+    """Raise an InputError where a file is missing or empty, or where there are no images of a sequence."""
+    if file.is_dir() or is_pattern(file):
+        list_files(file)
+        return
     if not file.exists():
         raise InputError(f"{file}: no such file; give a video or a track as CSV")
-    if file.is_dir():
-        raise InputError(f"{file} is a folder; give one video, or a track as CSV")
     if file.stat().st_size == 0:
         raise InputError(f"{file} is empty; give a video or a track as CSV")
 
@@ -208,6 +223,7 @@ def _read_table(file: Path, settings: Settings) -> Recording:
         frame=CoordinateFrame(origin="as in the file", axes="x right, z up, y away from the camera", up_source="file"),
         tags=_summarise_columns(track),
         video=None,
+        sightings=None,
         notices=(),
     )
 
@@ -251,5 +267,5 @@ def _summarise_columns(track: Track) -> TagsSummary:
 
 def _look(file: Path) -> list[GreyArray]:
     """Return a handful of images from the beginning of a video."""
-    with read_frames(file, read_clock(file)) as frames:
+    with read_frames(file, read_clock(file, fps_hz=1.0)) as frames:
         return [frame.grey.copy() for frame in islice(frames, 0, LOOK_FRAMES, LOOK_FRAMES // 5)]

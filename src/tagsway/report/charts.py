@@ -4,7 +4,6 @@ Colours are names such as ``@blue``: the page's script puts in those of a light 
 and numbers rounded to what a screen can show.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,11 +33,12 @@ from tagsway.report.style import (
     shaped_frequency,
     shown_range,
     sideways_axis,
+    thin,
     to_decibel,
 )
 
-MAX_POINTS = 2500
-"""Samples of a line that are drawn; longer ones keep the extremes of each stretch."""
+MAX_POINTS = 3000
+"""Samples of a line that are drawn; longer ones are thinned."""
 
 SPECTRUM_SPAN = 6
 """How many times f_n the spectrum's axis reaches at first."""
@@ -103,46 +103,20 @@ def share_abscissae(charts: dict[str, Chart]) -> tuple[dict[str, Chart], list[li
     return slim, [list(x) for x in places]
 
 
-def thin(x: FloatArray, y: FloatArray, *, most: int = MAX_POINTS) -> tuple[FloatArray, FloatArray]:
-    """Return a line with at most `most` samples that looks the same: the least and greatest of each stretch stay.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        The line; NaN is a gap, and a stretch without any sample stays one.
-    most : int
-        Samples to return, at least 2.
-
-    Returns
-    -------
-    x, y : ndarray, shape (m,)
-        A selection of the samples, in their order.
-    """
-    if len(x) <= most:
-        return x, y
-    edges = np.linspace(0, len(x), most // 2 + 1).astype(int)
-    keep: set[int] = set()
-    for start, stop in itertools.pairwise(edges.tolist()):
-        part = y[start:stop]
-        if np.any(np.isfinite(part)):
-            keep |= {start + int(np.nanargmin(part)), start + int(np.nanargmax(part))}
-        else:
-            keep.add(start)
-    order = sorted(keep)
-    return x[order], y[order]
-
-
 def rounded(values: FloatArray, *, digits: int = 4) -> list[float | None]:
     """Return numbers to a ten-thousandth of their range or finer, None for what is not finite."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(finite)) or float(np.max(np.abs(finite))) if finite.size else 0.0
     decimals = digits - int(np.floor(np.log10(span))) if span > 0 else digits
-    return [round(float(v), decimals) + 0.0 if np.isfinite(v) else None for v in values]
+    numbers: list[float | None] = (np.round(values, decimals) + 0.0).tolist()
+    for gap in np.flatnonzero(~np.isfinite(values)):
+        numbers[gap] = None
+    return numbers
 
 
 def _trace(x: FloatArray, y: FloatArray, name: str, colour: str, **style: Any) -> Trace:
     """Return a line; style keys: dash, width, markers (size), symbol, unit, axis name for the hover, legend."""
-    x, y = thin(x, y)
+    x, y = thin(x, y, most=MAX_POINTS)
     markers = style.get("markers")
     trace: Trace = {
         "type": "scatter",

@@ -4,8 +4,6 @@ Each ``plot_…`` draws one curve into a figure of its own, or into axes that ar
 shows anything, none uses pyplot, so nothing stays behind when the figure is let go.
 """
 
-import os
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tagsway.files import whole_file
 from tagsway.model import (
     Curves,
     DecayCurve,
@@ -27,7 +26,7 @@ from tagsway.model import (
     TrajectoryCurve,
     Window,
 )
-from tagsway.report.panels import frame_panel, make_panels, mark_frequency, name_panel
+from tagsway.report.panels import draw_line, frame_panel, make_panels, mark_frequency, name_panel
 from tagsway.report.style import (
     BLUE,
     GREEN,
@@ -78,8 +77,8 @@ def plot_track(
             (curve.pcp, curve.pcp_clean, VERMILION, "-", "product (PCP)"),
         ):
             if np.any(np.isfinite(raw[:, axis])):
-                panel.plot(curve.time_s, scale * raw[:, axis], ".", color=GREY, ms=2, label="raw")
-                panel.plot(curve.time_s, scale * clean[:, axis], dash, color=colour, lw=1.2, label=who)
+                draw_line(panel, curve.time_s, scale * raw[:, axis], ".", color=GREY, ms=2, label="raw")
+                draw_line(panel, curve.time_s, scale * clean[:, axis], dash, color=colour, lw=1.2, label=who)
         shown, cut = (curve.tcp_clean, curve.pcp_clean), (curve.tcp, curve.pcp)
         frame_panel(panel, [scale * s[:, axis] for s in shown], [scale * c[:, axis] for c in cut])
     for acceleration, colour, dash, who in (
@@ -87,7 +86,7 @@ def plot_track(
         (curve.pcp_acceleration, VERMILION, "-", "product (PCP)"),
     ):
         if np.any(np.isfinite(acceleration[:, 0])):
-            lower.plot(curve.time_s, acceleration[:, 0], dash, color=colour, lw=1, label=who)
+            draw_line(lower, curve.time_s, acceleration[:, 0], dash, color=colour, lw=1, label=who)
     if window is not None:
         for panel in (upper, middle, lower):
             panel.axvspan(window.start_s, window.end_s, color=GREEN, alpha=0.1, lw=0, label="free vibration")
@@ -116,12 +115,12 @@ def plot_decay(curve: DecayCurve, *, unit: LengthUnit = "m", axes: Sequence[Axes
     """
     figure, (upper, lower) = make_panels(axes, (3, 1), height_inch=4.8)
     scale, name = drawn_length(unit)
-    upper.plot(curve.time_s, scale * curve.sway, ".", color=GREY, ms=3, label="measured")
-    upper.plot(curve.time_s, scale * curve.fit, "-", color=VERMILION, lw=1, label="fit")
-    upper.plot(curve.time_s, scale * curve.envelope, "--", color=INK, lw=1, label="envelope")
-    upper.plot(curve.time_s, -scale * curve.envelope, "--", color=INK, lw=1)
-    upper.plot(curve.peak_time_s, scale * curve.peak_sway, "o", mfc="none", mec=BLUE, ms=4, mew=1, label="peaks")
-    lower.plot(curve.time_s, scale * curve.residual, ".", color=INK, ms=2)
+    draw_line(upper, curve.time_s, scale * curve.sway, ".", color=GREY, ms=3, label="measured")
+    draw_line(upper, curve.time_s, scale * curve.fit, "-", color=VERMILION, lw=1, label="fit")
+    draw_line(upper, curve.time_s, scale * curve.envelope, "--", color=INK, lw=1, label="envelope")
+    draw_line(upper, curve.time_s, -scale * curve.envelope, "--", color=INK, lw=1)
+    draw_line(upper, curve.peak_time_s, scale * curve.peak_sway, "o", mfc="none", mec=BLUE, ms=4, mew=1, label="peaks")
+    draw_line(lower, curve.time_s, scale * curve.residual, ".", color=INK, ms=2)
     lower.axhline(0, color=GREY, lw=0.8)
     frame_panel(upper, [scale * curve.fit, scale * curve.envelope, -scale * curve.envelope], [scale * curve.sway])
     frame_panel(lower, [], [scale * curve.residual])
@@ -150,7 +149,7 @@ def plot_spectrum(
         That of the axes.
     """
     figure, (panel,) = make_panels(axes, (1,), height_inch=3.4)
-    panel.plot(curve.frequency_hz, to_decibel(curve.amplitude), color=INK, lw=1, label="decay")
+    draw_line(panel, curve.frequency_hz, to_decibel(curve.amplitude), "-", color=INK, lw=1, label="decay")
     panel.set_ylim(-80, 5)
     if natural_frequency_hz is not None:
         mark_frequency(panel, natural_frequency_hz, f"f$_n$ = {format_estimate(natural_frequency_hz, 'Hz')}")
@@ -179,12 +178,12 @@ def plot_pendulum(curve: PendulumCurve, *, unit: LengthUnit = "m", axes: Sequenc
     figure, panels = make_panels(axes, (3, 2, 2), height_inch=6.4)
     scale, name = drawn_length(unit)
     for axis, panel in enumerate(panels[:2]):
-        panel.plot(curve.time_s, scale * curve.measured[:, axis], ".", color=GREY, ms=3, label="measured")
-        panel.plot(curve.time_s, scale * curve.simulated[:, axis], "-", color=VERMILION, lw=1, label="simulated")
+        draw_line(panel, curve.time_s, scale * curve.measured[:, axis], ".", color=GREY, ms=3, label="measured")
+        draw_line(panel, curve.time_s, scale * curve.simulated[:, axis], "-", color=VERMILION, lw=1, label="simulated")
         frame_panel(panel, [scale * curve.simulated[:, axis]], [scale * curve.measured[:, axis]])
     difference = scale * (curve.measured - curve.simulated)
-    panels[2].plot(curve.time_s, difference[:, 0], ".", color=BLUE, ms=2, label="x")
-    panels[2].plot(curve.time_s, difference[:, 1], "x", color=INK, ms=2, mew=0.6, label="z")
+    draw_line(panels[2], curve.time_s, difference[:, 0], ".", color=BLUE, ms=2, label="x")
+    draw_line(panels[2], curve.time_s, difference[:, 1], "x", color=INK, ms=2, mew=0.6, label="z")
     frame_panel(panels[2], [], [difference[:, 0], difference[:, 1]])
     name_panel(panels[0], "Pendulum: product relative to tool", f"x ({name})", legend=True)
     name_panel(panels[1], None, f"z ({name})")
@@ -325,13 +324,6 @@ def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG, whole or not at all; the same figure gives the same bytes."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=".png")
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            # without the program's version in the metadata the same input gives the same bytes
-            figure.savefig(file, format="png", dpi=150, metadata={"Software": None})
-        temporary.chmod(0o644)  # mkstemp makes it private
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(path) as part:
+        # without the program's version in the metadata the same input gives the same bytes
+        figure.savefig(part, format="png", dpi=150, metadata={"Software": None})

@@ -1,6 +1,7 @@
 """The panels of a figure: one dress for all of them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,7 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tagsway.model import Estimate, FloatArray
-from tagsway.report.style import BLUE, INK, RULE, shown_range
+from tagsway.report.style import BLUE, INK, RULE, shown_range, thin
+
+MAX_POINTS = 15_000
+"""Samples of a line that are drawn: a dozen for each column of pixels."""
 
 
 def make_panels(
@@ -32,6 +36,11 @@ def make_panels(
     for panel in panels[: len(heights) - alone - 1]:
         panel.tick_params(labelbottom=False)
     return figure, panels
+
+
+def draw_line(panel: Axes, x: FloatArray, y: FloatArray, style: str, **options: Any) -> None:
+    """Draw a line or a cloud of points over x, of a long record only as much as can be seen."""
+    panel.plot(*thin(x, y, most=MAX_POINTS), style, **options)
 
 
 def name_panel(panel: Axes, title: str | None, y: str, *, x: str | None = None, legend: bool = False) -> None:

@@ -114,3 +114,32 @@ def shown_range(whole: Sequence[FloatArray], cut: Sequence[FloatArray] = ()) -> 
     low, high = float(seen.min()), float(seen.max())
     margin = 0.12 * (high - low) or 1.0
     return low - margin, high + margin
+
+
+def thin(x: FloatArray, y: FloatArray, *, most: int) -> tuple[FloatArray, FloatArray]:
+    """Return a line with at most `most` samples that looks the same.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        The line; NaN is a gap, and a stretch without any sample stays one.
+    most : int
+        Samples to return, at least 3.
+
+    Returns
+    -------
+    x, y : ndarray, shape (m,)
+        A selection of the samples, in their order: the first, the least and the greatest of each stretch. The extremes
+        alone would leave the middle of a cloud of points empty.
+    """
+    if len(x) <= most:
+        return x, y
+    width = -(-len(x) // (most // 3))
+    stretches = np.full((-(-len(x) // width), width), np.nan)
+    stretches.flat[: len(y)] = y
+    seen = np.isfinite(stretches)
+    least = np.argmin(np.where(seen, stretches, np.inf), axis=1)
+    greatest = np.argmax(np.where(seen, stretches, -np.inf), axis=1)
+    first = width * np.arange(len(stretches))
+    keep = np.unique(np.concatenate([first, first + least, first + greatest]))
+    return x[keep], y[keep]

@@ -1,19 +1,18 @@
 """A scene as a video file with its truth beside it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from tagsway.errors import InputError
-from tagsway.model import GreyArray
+from tagsway.files import write_text
+from tagsway.model import GreyArray, Progress
 from tagsway.scene.model import Scene
 from tagsway.scene.render import expose_film, plan_film
 from tagsway.scene.truth import Truth, describe_film
 from tagsway.video.writing import write_video
-
-Progress = Callable[[int, int], None]
 
 
 def render_scene(
@@ -82,11 +81,7 @@ def _report(frames: Iterator[GreyArray], total: int, progress: Progress | None) 
 
 
 def _write_truth(truth: Truth, path: Path) -> None:
-    part = path.with_name(f".{path.name}.part")
     try:
-        part.write_bytes(TypeAdapter(Truth).dump_json(truth, indent=None) + b"\n")
-        part.replace(path)
+        write_text(path, TypeAdapter(Truth).dump_json(truth).decode() + "\n")
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        part.unlink(missing_ok=True)

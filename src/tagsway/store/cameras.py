@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from tagsway.files import write_text
 from tagsway.model import Camera
-from tagsway.store.documents import read_json, validate
+from tagsway.store.documents import dump, read_json, to_document, validate
 
 CAMERA_SCHEMA = "tagsway/camera/1"
 
@@ -17,3 +18,8 @@ def read_camera(path: Path) -> Camera:
         Where the file cannot be read or does not describe a camera.
     """
     return validate(Camera, read_json(path, CAMERA_SCHEMA), origin=str(path))
+
+
+def write_camera(path: Path, camera: Camera) -> None:
+    """Write camera.json, whole or not at all."""
+    write_text(path, dump({"schema": CAMERA_SCHEMA, **to_document(camera)}))

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tagsway.errors import InputError
+from tagsway.files import write_text
 from tagsway.model import Estimate, Result, Shaper
-from tagsway.store.atomic import write_text
 
 T = TypeVar("T")
 

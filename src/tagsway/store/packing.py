@@ -9,8 +9,8 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from tagsway.files import whole_file
 from tagsway.model import Curves
-from tagsway.store.atomic import whole_file
 
 T = TypeVar("T")
 
@@ -70,7 +70,7 @@ def write_packed(path: Path, value: Any) -> None:
     """Write a value as .npz, whole or not at all."""
     arrays, tree = pack(value)
     with whole_file(path) as temporary:
-        np.savez_compressed(temporary, allow_pickle=False, **arrays, **{TREE: np.array(json.dumps(tree))})
+        np.savez(temporary, allow_pickle=False, **arrays, **{TREE: np.array(json.dumps(tree))})
 
 
 def read_packed(kind: type[T], path: Path) -> T:

@@ -1,7 +1,6 @@
 """track.csv, and tracks that others wrote."""
 
-import io
-from collections.abc import Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from tagsway.errors import InputError
-from tagsway.model import CleanTagTrack, CleanTrack, FloatArray, TagTrack, Track
+from tagsway.files import whole_file
+from tagsway.model import CleanTrack, FloatArray, IntArray, TagTrack, Track
 from tagsway.store.tables import read_table
 
 TAGS = ("tcp", "pcp", "reference")
@@ -19,6 +19,9 @@ STEPS = {"m": 1e-9, "px": 1e-6}
 
 FARTHEST_M = 1000.0
 """No payload is filmed over a kilometre; a larger number is another unit, or no position."""
+
+CSV_ROWS = 2000
+"""Rows that are turned into text together."""
 
 STEP_S = 1e-9
 STEP_RAD = 1e-9
@@ -50,38 +53,56 @@ def quantise(track: Track) -> Track:
     )
 
 
-def track_table(track: Track, clean: CleanTrack | None) -> pd.DataFrame:
-    """Return track.csv's table: one row a frame, NaN where a tag was not seen.
+def track_csv(track: Track, clean: CleanTrack | None) -> str:
+    """Return track.csv as text; see `write_track`."""
+    return "".join(_csv_blocks(track, clean))
+
+
+def write_track(path: Path, track: Track, clean: CleanTrack | None) -> None:
+    """Write track.csv: one row a frame, nothing in a field where a tag was not seen; whole or not at all.
 
     Lengths are in mm (columns end in `_mm`), or in pixels (`_px`) where no tag's size is known.
     """
+    with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(_csv_blocks(track, clean))
+
+
+def _csv_blocks(track: Track, clean: CleanTrack | None) -> Iterator[str]:
+    """Give the header, then some thousand rows at a time, so that a long track is never in memory as text."""
+    columns = _columns(track, clean)
+    yield ",".join(name for name, _, _ in columns) + "\n"
+    row = ",".join(form for _, form, _ in columns) + "\n"
+    for first in range(0, len(track.time_s), CSV_ROWS):
+        part = [values[first : first + CSV_ROWS].tolist() for _, _, values in columns]
+        yield "".join([row % fields for fields in zip(*part, strict=True)]).replace("nan", "")
+
+
+def _columns(track: Track, clean: CleanTrack | None) -> list[tuple[str, str, FloatArray | IntArray]]:
+    """Return the columns of track.csv: name, format and numbers."""
     unit, factor = ("mm", 1e3) if track.length_unit == "m" else ("px", 1.0)
-    columns: dict[str, Any] = {"frame": track.frame, "time_s": [f"{t:.9f}" for t in track.time_s]}
-    cleaned: Mapping[str, CleanTagTrack | None] = {"tcp": clean.tcp, "pcp": clean.pcp} if clean else {}
+    columns: list[tuple[str, str, FloatArray | IntArray]] = [
+        ("frame", "%d", track.frame),
+        ("time_s", "%.9f", track.time_s),
+    ]
+
+    cleaned = {"tcp": clean.tcp, "pcp": clean.pcp} if clean else {}
     for name in TAGS:
         tag: TagTrack | None = getattr(track, name)
         if tag is None:
             continue
+        position, error = factor * tag.position, factor * tag.position_std
+        columns += [(f"{name}_{axis}_{unit}", "%.6f", position[:, i]) for i, axis in enumerate("xz")]
+        columns.append((f"{name}_angle_rad", "%.9f", tag.angle_rad))
+        columns += [(f"{name}_{axis}_std_{unit}", "%.9f", error[:, i]) for i, axis in enumerate("xz")]
+        columns.append((f"{name}_angle_std_rad", "%.9f", tag.angle_std_rad))
+        smooth = cleaned.get(name)
+        if smooth is None:
+            continue
         for i, axis in enumerate("xz"):
-            columns[f"{name}_{axis}_{unit}"] = _texts(tag.position[:, i] * factor, 6)
-        columns[f"{name}_angle_rad"] = _texts(tag.angle_rad, 9)
-        for i, axis in enumerate("xz"):
-            columns[f"{name}_{axis}_std_{unit}"] = _texts(tag.position_std[:, i] * factor, 9)
-        columns[f"{name}_angle_std_rad"] = _texts(tag.angle_std_rad, 9)
-        clean_tag = cleaned.get(name)
-        if clean_tag is not None:
-            for i, axis in enumerate("xz"):
-                columns[f"{name}_{axis}_clean_{unit}"] = _texts(clean_tag.position[:, i] * factor, 6)
-                columns[f"{name}_{axis}_velocity_{unit}_s"] = _texts(clean_tag.velocity[:, i] * factor, 3)
-                columns[f"{name}_{axis}_acceleration_{unit}_s2"] = _texts(clean_tag.acceleration[:, i] * factor, 1)
-    return pd.DataFrame(columns)
-
-
-def track_csv(track: Track, clean: CleanTrack | None) -> str:
-    """Return track.csv as text."""
-    text = io.StringIO()
-    track_table(track, clean).to_csv(text, index=False, lineterminator="\n")
-    return text.getvalue()
+            columns.append((f"{name}_{axis}_clean_{unit}", "%.6f", factor * smooth.position[:, i]))
+            columns.append((f"{name}_{axis}_velocity_{unit}_s", "%.3f", factor * smooth.velocity[:, i]))
+            columns.append((f"{name}_{axis}_acceleration_{unit}_s2", "%.1f", factor * smooth.acceleration[:, i]))
+    return columns
 
 
 def read_track(path: Path, *, columns: tuple[str, ...] | None = None) -> Track:
@@ -188,7 +209,3 @@ def _optional(table: pd.DataFrame, name: str) -> FloatArray:
 def _to_steps(values: FloatArray, step: float) -> FloatArray:
     rounded: FloatArray = np.round(values / step) / round(1 / step)
     return rounded
-
-
-def _texts(values: FloatArray, decimals: int) -> list[str]:
-    return ["" if value != value else f"{value:.{decimals}f}" for value in values]

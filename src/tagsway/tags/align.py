@@ -1,60 +1,36 @@
 """Measure a tag by aligning its known pattern with the image."""
 
 import math
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from tagsway.model import FloatArray, GreyArray, Sighting
+from tagsway.tags.grid import LEAST_CONTRAST, LEAST_CORRELATION, Grid, align_grid, make_grid, shows_pattern
 from tagsway.tags.refine import Refinement, local_jacobian, refine
-from tagsway.tags.template import Float32Array, Template, make_template
+from tagsway.tags.scatter import Scatter
+from tagsway.tags.template import Template, make_template
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
-LEAST_CORRELATION = 0.85  # background reaches .44 over the whole, another id .76 ...
-LEAST_INNER_CORRELATION = 0.7  # ... and .56 and .45 over the inner cells; the true tag, blurred and noisy, .95
-LEAST_CONTRAST = 6.0  # grey levels from black to white
-
-_MOST_STEPS = 12
-_LAST_STEP_PX = 0.1  # the refinement takes what is left ...
-_REPEATED_STEP_PX = 0.06  # ... twice where that was much
+_SURE_CORRELATION = 0.93  # no other id and no covered cells reach it: the cells need not be looked at apart
+_MOST_STEPS = 6
+_REPEATED_STEP_PX = 0.25  # a longer one is followed by another, ...
+_REPEATED_TILTED_PX = 0.002  # ... divided by the perspective: the derivatives are those of the tag's middle
 _SMALLEST_SIDE_PX = 8.0
-_PAD_PX = 10  # of the crop around a predicted tag: what the alignment may move
 _BLURS_PX = tuple(0.25 * 1.3**k for k in range(10))  # of the optics
 _FIRST_BLUR = 3
+_GRID_BLURS_PX = (0.6, 2.0)  # a grid is not particular
 _SHUTTERS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # exposure over frame interval
 _TELLING_TRAVEL_PX = 3.0  # in a frame interval: less blurs too little to tell the shutter
 _SHUTTER_LESSONS = 4
 _RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
-_BLOCKS_EVERY = 4  # frames, after that
+_BLOCKS_EVERY = 8  # frames, after that
 _ODD_VARIANCE = 1.5
-
-
-@dataclass(frozen=True, slots=True)
-class _Crop:
-    """A part of an image in float, less 128 so that sums of squares keep their digits."""
-
-    grey: Float32Array
-    left: int
-    top: int
-
-    def enter(self, homography: FloatArray) -> FloatArray:
-        return self._shift(homography, -self.left, -self.top)
-
-    def leave(self, homography: FloatArray) -> FloatArray:
-        moved = self._shift(homography, self.left, self.top)
-        moved /= moved[2, 2]
-        return moved
-
-    @staticmethod
-    def _shift(homography: FloatArray, right: int, down: int) -> FloatArray:
-        moved = homography.copy()
-        moved[0] += right * homography[2]
-        moved[1] += down * homography[2]
-        return moved
+_COMPRESSED_LOG_RATIO = 0.1  # raw images stay below; then the scatter in time counts as well ...
+_MOST_SCATTER_PX2 = 0.1**2  # ... up to what a codec that moves blocks by quarters of a pixel may add
 
 
 class Aligner:
@@ -69,10 +45,9 @@ class Aligner:
 
     Notes
     -----
-    Inverse-compositional Gauss-Newton on a homography, gain and offset takes the pose from the prediction to a
-    hundredth of a pixel: its least-squares solver is fixed, so a step costs one resampling and one matrix-vector
-    product [1]_. One Gauss-Newton step on the pixels themselves (`refine`) then takes it to the noise: no pixel is
-    resampled there, so no grid beats with another, and the noise stays white.
+    Gauss-Newton steps on the image's own pixels (`refine`) take a good prediction to the noise: one is enough from a
+    quarter of a pixel, and no pixel is resampled there, so no grid beats with another, and the noise stays white.
+    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_.
 
     Not for tags under about 12 px, nor where what is printed is not the family's own pattern.
 
@@ -85,10 +60,12 @@ class Aligner:
         self._family = family
         self._tag_id = tag_id
         self._template: Template | None = None
+        self._grids: dict[float, Grid] = {}
         self._blurred_by_px = math.inf
         self._shutter = 0.0
         self._lessons = 0
         self._log_ratio = np.zeros(3)
+        self._scatter = Scatter()
         self._variance = 0.0
         self._measured = 0
 
@@ -112,57 +89,94 @@ class Aligner:
             None where the pattern is not there.
         """
         scale_px = measure_scale(homography) if homography[2, 2] != 0 else math.nan
-        if not _SMALLEST_SIDE_PX <= 2 * scale_px <= 2 * max(grey.shape):
+        if not _SMALLEST_SIDE_PX <= 2 * scale_px <= 2 * max(grey.shape) or not _lies_in(grey, homography):
             return None
-        crop = _cut(grey, homography)
-        if crop is None:
-            return None
-        inside = crop.enter(homography)
-        self._learn(crop, inside, travel_px)
-        template = self._template
-        if template is None:
-            return None
-        found = _align_grid(crop.grey, inside, template)
-        if found is None:
+        self._learn(grey, homography, scale_px, travel_px)
+        if self._template is None:
             return None
         motion = _scale(travel_px, self._shutter)
-        refined = refine(crop.grey, found, template, motion_px=motion, with_blocks=self._wants_blocks())
-        if refined is not None and (refined.step_px > _REPEATED_STEP_PX or self._is_odd(refined)):
-            refined = refine(crop.grey, refined.homography, template, motion_px=motion, with_blocks=True)
-        return None if refined is None else self._report(crop, refined)
+        refined = self._approach(grey, homography, self._template, motion)
+        if refined is None:
+            found = self._locate(grey, homography, scale_px)
+            refined = None if found is None else self._approach(grey, found, self._template, motion)
+        if refined is not None and self._is_odd(refined):
+            refined = refine(grey, refined.homography, self._template, motion_px=motion, with_blocks=True)
+        if refined is None:
+            return None
+        return self._report(refined, homography if travel_px is not None else None)
+
+    def _approach(
+        self, grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]
+    ) -> Refinement | None:
+        """Return the pose that refining ends at; None where that is not the pattern, or too far off."""
+        here = homography
+        for _ in range(_MOST_STEPS):
+            refined = refine(grey, here, template, motion_px=motion_px, with_blocks=self._wants_blocks())
+            if refined is None or not refined.gain > LEAST_CONTRAST:
+                return None
+            here = refined.homography
+            tilt = math.hypot(here[2, 0], here[2, 1])
+            if refined.step_px * max(1.0, tilt * _REPEATED_STEP_PX / _REPEATED_TILTED_PX) < _REPEATED_STEP_PX:
+                return refined if self._is_pattern(grey, refined) else None
+        return None
+
+    def _is_pattern(self, grey: GreyArray, refined: Refinement) -> bool:
+        if refined.correlation > _SURE_CORRELATION:
+            return True
+        grid = self._grid(measure_scale(refined.homography), _GRID_BLURS_PX[0])
+        return refined.correlation > LEAST_CORRELATION and shows_pattern(grey, refined.homography, grid)
+
+    def _locate(self, grey: GreyArray, homography: FloatArray, scale_px: float) -> FloatArray | None:
+        """Return the pose to a tenth of a pixel, from a grid as sharp as pictures are, else from a blurred one."""
+        for blur_px in _GRID_BLURS_PX:
+            found = align_grid(grey, homography, self._grid(scale_px, blur_px))
+            if found is not None:
+                return found
+        return None
+
+    def _grid(self, scale_px: float, blur_px: float) -> Grid:
+        grid = self._grids.get(blur_px)
+        if grid is None or not 1 / _RESIZED < scale_px / grid.scale_px < _RESIZED:
+            grid = make_grid(self._family, self._tag_id, scale_px=scale_px, blur_px=blur_px)
+            self._grids[blur_px] = grid
+        return grid
 
     def _make_template(self, scale_px: float, blur_px: float) -> Template:
         return make_template(self._family, self._tag_id, scale_px=scale_px, blur_px=blur_px)
 
-    def _learn(self, crop: _Crop, homography: FloatArray, travel_px: tuple[float, float] | None) -> None:
+    def _learn(
+        self, grey: GreyArray, homography: FloatArray, scale_px: float, travel_px: tuple[float, float] | None
+    ) -> None:
         """Have a template for this image: of its size, as sharp as the optics, and know the shutter if it shows.
 
         At rest the blur is that of the optics; it is measured again whenever the tag is much slower than before. On a
         fast frame the shutter is measured with what is known of the optics, then the optics with the shutter.
         """
-        scale_px = measure_scale(homography)
         travel = math.inf if travel_px is None else math.hypot(*travel_px)
-        if self._lessons < _SHUTTER_LESSONS and _TELLING_TRAVEL_PX < travel < math.inf:
+        telling = self._lessons < _SHUTTER_LESSONS and _TELLING_TRAVEL_PX < travel < math.inf
+        sharper = self._blurred_by_px > _RESTING_TRAVEL_PX and travel < 0.5 * self._blurred_by_px
+        found = None
+        if telling or sharper or self._template is None:
+            found = self._locate(grey, homography, scale_px)
+        if found is not None and telling:
             blurred = self._template is None or self._blurred_by_px > _RESTING_TRAVEL_PX
             template = self._make_template(scale_px, _BLURS_PX[_FIRST_BLUR]) if blurred else self._template
             assert template is not None
-            shutter = _find_shutter(crop.grey, homography, template, travel_px or (0.0, 0.0))
+            shutter = _find_shutter(grey, found, template, travel_px or (0.0, 0.0))
             if shutter is not None:
                 self._lessons += 1
                 self._shutter += (shutter - self._shutter) / self._lessons
-                if self._lessons in (1, _SHUTTER_LESSONS):
-                    self._blurred_by_px = math.inf
-        sharper = self._blurred_by_px > _RESTING_TRAVEL_PX and travel < 0.5 * self._blurred_by_px
-        if self._template is None or sharper:
+                sharper = sharper or self._lessons in (1, _SHUTTER_LESSONS)
+        if found is not None and (self._template is None or sharper):
             motion = _scale(travel_px, self._shutter)
-            self._template = self._make_template(scale_px, self._find_blur(crop.grey, homography, scale_px, motion))
+            self._template = self._make_template(scale_px, self._find_blur(grey, found, scale_px, motion))
             known = travel if self._lessons == 0 else _RESTING_TRAVEL_PX
             self._blurred_by_px = max(known, _RESTING_TRAVEL_PX)
-        elif not 1 / _RESIZED < scale_px / self._template.scale_px < _RESIZED:
+        elif self._template is not None and not 1 / _RESIZED < scale_px / self._template.scale_px < _RESIZED:
             self._template = self._make_template(scale_px, self._template.blur_px)
 
     def _find_blur(
-        self, grey: Float32Array, homography: FloatArray, scale_px: float, motion_px: tuple[float, float]
+        self, grey: GreyArray, homography: FloatArray, scale_px: float, motion_px: tuple[float, float]
     ) -> float:
         """Return the optics' blur that leaves the least residual, going downhill from the last one known."""
         made: dict[int, float] = {}
@@ -181,19 +195,39 @@ class Aligner:
         between = _find_lowest(residual(max(best - 1, 0)), residual(best), residual(min(best + 1, last)))
         return float(_BLURS_PX[best] * (_BLURS_PX[1] / _BLURS_PX[0]) ** between)
 
-    def _report(self, crop: _Crop, refined: Refinement) -> Sighting:
-        h = crop.leave(refined.homography)
-        along = local_jacobian(h)[:, 0]
+    def _report(self, refined: Refinement, predicted: FloatArray | None) -> Sighting:
+        h = refined.homography
+        angle = _measure_angle(h)
         covariance = self._steady(refined)
+        if predicted is None:
+            self._scatter.interrupt()
+        else:
+            turn = math.remainder(angle - _measure_angle(predicted), 2 * math.pi)
+            place = predicted[:2, 2] / predicted[2, 2]
+            self._scatter.add(np.array([*(h[:2, 2] - place), turn]), np.diag(covariance))
+        covariance = self._inflate(covariance)
         return Sighting(
             homography=h,
             corners_px=project(h, CORNERS),
             centre_px=h[:2, 2].copy(),
             covariance_px2=covariance[:2, :2],
-            angle_rad=math.atan2(-along[1], along[0]),
+            angle_rad=angle,
             angle_std_rad=math.sqrt(covariance[2, 2]),
             correlation=refined.correlation,
         )
+
+    def _inflate(self, covariance: FloatArray) -> FloatArray:
+        """Return the covariance, no smaller than the scatter in time where the image looks compressed.
+
+        A codec shifts blocks, all those of a tag together, by parts of a pixel: no residual of one image shows that.
+        """
+        if not self._log_ratio[:2].mean() > _COMPRESSED_LOG_RATIO:
+            return covariance
+        scatter = self._scatter.variance
+        scatter[:2] = np.minimum(scatter[:2], _MOST_SCATTER_PX2)
+        factor = np.sqrt(np.maximum(scatter / np.diag(covariance), 1.0))
+        inflated: FloatArray = covariance * np.outer(factor, factor)
+        return inflated
 
     def _wants_blocks(self) -> bool:
         return self._measured < _MEMORY or self._measured % _BLOCKS_EVERY == 0
@@ -218,6 +252,11 @@ class Aligner:
         factor = np.exp(log_factor / 2)
         covariance: FloatArray = refined.plain * np.outer(factor, factor)
         return covariance
+
+
+def _measure_angle(homography: FloatArray) -> float:
+    along = local_jacobian(homography)[:, 0]
+    return math.atan2(-along[1], along[0])
 
 
 def project(homography: FloatArray, points: FloatArray) -> FloatArray:
@@ -275,18 +314,11 @@ def measure_scale(homography: FloatArray) -> float:
     return math.sqrt(area) if area > 0 else math.nan
 
 
-def _cut(grey: GreyArray, homography: FloatArray) -> _Crop | None:
-    """Return the part of the image around a tag; None where the tag does not lie in the image."""
+def _lies_in(grey: GreyArray, homography: FloatArray) -> bool:
     height, width = grey.shape
     square = project(homography, CORNERS)
-    least, most = square.min(axis=0), square.max(axis=0)
-    if not (least.min() >= -0.5 and most[0] <= width - 0.5 and most[1] <= height - 0.5):
-        return None
-    reach = 0.15 * float((most - least).max()) + _PAD_PX
-    left, top = max(int(least[0] - reach), 0), max(int(least[1] - reach), 0)
-    part = grey[top : int(most[1] + reach) + 2, left : int(most[0] + reach) + 2].astype(np.float32)
-    part -= 128
-    return _Crop(grey=part, left=left, top=top)
+    right, bottom = square.max(axis=0)
+    return bool(square.min() >= -0.5 and right <= width - 0.5 and bottom <= height - 0.5)
 
 
 def _scale(travel_px: tuple[float, float] | None, share: float) -> tuple[float, float]:
@@ -294,23 +326,19 @@ def _scale(travel_px: tuple[float, float] | None, share: float) -> tuple[float, 
 
 
 def _find_shutter(
-    grey: Float32Array, homography: FloatArray, template: Template, travel_px: tuple[float, float]
+    grey: GreyArray, homography: FloatArray, template: Template, travel_px: tuple[float, float]
 ) -> float | None:
     """Return the share of the motion between two frames that blurs the image, if the pattern is seen."""
-    found = _align_grid(grey, homography, template)
-    if found is None:
-        return None
-    left = [_residual(grey, found, template, _scale(travel_px, shutter)) for shutter in _SHUTTERS]
+    left = [_residual(grey, homography, template, _scale(travel_px, shutter)) for shutter in _SHUTTERS]
     best = int(np.argmin(left))
     if not 0 < best < len(left) - 1:
         return _SHUTTERS[best] if math.isfinite(left[best]) else None
     return _SHUTTERS[best] + _find_lowest(*left[best - 1 : best + 2]) * (_SHUTTERS[1] - _SHUTTERS[0])
 
 
-def _residual(grey: Float32Array, homography: FloatArray, template: Template, motion_px: tuple[float, float]) -> float:
+def _residual(grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]) -> float:
     """Return the variance that a template leaves; infinite where it does not fit at all."""
-    found = _align_grid(grey, homography, template)
-    refined = None if found is None else refine(grey, found, template, motion_px=motion_px)
+    refined = refine(grey, homography, template, motion_px=motion_px)
     return math.inf if refined is None else refined.variance
 
 
@@ -318,52 +346,3 @@ def _find_lowest(before: float, here: float, after: float) -> float:
     """Return where the parabola through three values has its lowest point, in steps from the middle one."""
     curvature = before - 2 * here + after
     return (before - after) / (2 * curvature) if math.isfinite(curvature) and curvature > 0 else 0.0
-
-
-def _align_grid(crop: Float32Array, homography: FloatArray, template: Template) -> FloatArray | None:
-    """Return the pose after inverse-compositional steps; None where they do not end at the pattern."""
-    here = homography
-    for _ in range(_MOST_STEPS):
-        patch = _sample(crop, here, template)
-        solution = (template.solver @ patch).astype(float)
-        gain = solution[8]
-        if not gain > LEAST_CONTRAST:
-            return None
-        step = solution[:8] / gain
-        longest_px = float(np.abs(step).max()) * template.scale_px
-        if not longest_px < 0.5 * template.scale_px:
-            return None
-        here = _compose(here, step)
-        if longest_px < _LAST_STEP_PX:
-            return here if _is_pattern(patch, solution, template) else None
-    return None
-
-
-def _sample(crop: Float32Array, homography: FloatArray, template: Template) -> Float32Array:
-    size = (template.samples, template.samples)
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    patch = cv2.warpPerspective(crop, homography @ template.grid, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(patch, dtype=np.float32).reshape(-1) * template.used
-
-
-def _compose(homography: FloatArray, step: FloatArray) -> FloatArray:
-    """Return the homography after the inverse of a step, to third order in it."""
-    move = np.array([[step[0], step[1], step[2]], [step[3], step[4], step[5]], [step[6], step[7], 0.0]])
-    back = homography @ move
-    composed: FloatArray = homography - back + back @ move
-    return composed
-
-
-def _is_pattern(patch: Float32Array, solution: FloatArray, template: Template) -> bool:
-    """Tell whether the image shows the pattern: over the whole, and in the cells that make the id."""
-    normal = template.normal
-    sums, count = normal @ solution, normal[9, 9]
-    spread = (float(patch @ patch) - sums[9] ** 2 / count) * (normal[8, 8] - normal[8, 9] ** 2 / count)
-    if not spread > 0:
-        return False
-    correlation = (sums[8] - sums[9] * normal[8, 9] / count) / math.sqrt(spread)
-    cells = patch.reshape(template.samples, -1)[template.inner, template.inner]
-    deviation = cells - cells.mean()
-    length = math.sqrt(float(np.vdot(deviation, deviation)))
-    inner = float(np.vdot(deviation, template.inner_pattern)) / length if length > 0 else 0.0
-    return bool(correlation >= LEAST_CORRELATION and inner >= LEAST_INNER_CORRELATION)

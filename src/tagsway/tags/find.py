@@ -1,20 +1,23 @@
 """Find tags in an image with nothing known: the AprilTag detector behind a small interface."""
 
+import ctypes
 import importlib
 from functools import cache
 from typing import Any
 
+import cv2
 import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.model import Detection, FloatArray, GreyArray
 from tagsway.tags.families import FAMILIES
 
-MOST_HAMMING = 1  # two corrected bits are within reach of background
+MOST_HAMMING = 1  # two corrected bits are within reach of background, and their tables take gigabytes
 LEAST_MARGIN = 20.0  # of the detector's decision margin; true tags have 40 and more, clutter below 15
 SMALLEST_SIDE_PX = 8.0
 MOST_SIDE_RATIO = 3.0  # of the longest to the shortest side: a tag seen at 70°, or no tag
 _SMALLEST_IMAGE_PX = 16  # below, the library has crashed
+_SMALLEST_FAMILY = "tag16h5"  # what a detector is made with before it gets its own
 
 
 class TagFinder:
@@ -28,14 +31,16 @@ class TagFinder:
     Notes
     -----
     The library crashes at exit with more than one thread beside a video decoder, finds nothing with two families in
-    one detector, and must not be called from two threads: so one thread, one family. Making a finder takes 20 ms;
-    `find_tags` keeps one for each family of the process.
+    one detector, and must not be called from two threads: so one thread, one family. Its tables hold every code with
+    every error that it may correct: with the two that the wrappers ask for, tagStandard52h13 takes 6 GB and 36 s, with
+    `MOST_HAMMING` 0.12 GB and 0.2 s. `find_tags` keeps one finder for each family of the process.
     """
 
     def __init__(self, family: str) -> None:
         if family not in FAMILIES:
             raise InputError(f"there is no tag family {family!r}: expected one of {', '.join(FAMILIES)}")
-        self._detector = load_detector()(families=family, nthreads=1, quad_decimate=1.0)
+        self._detector = load_detector()(families=_SMALLEST_FAMILY, nthreads=1, quad_decimate=1.0)
+        _replace_family(self._detector, family)
 
     def find(self, grey: GreyArray, *, decimate: float = 1.0) -> tuple[Detection, ...]:
         """Return the tags in an image that pass the gates, surest first.
@@ -46,6 +51,7 @@ class TagFinder:
             The image, or a part of it.
         decimate : float
             Pixels are thinned by this factor for the search; 2 is four times as fast, and blind to tags under 20 px.
+            With 0.5 the image is enlarged: four times as slow, for tags of 12 to 14 px.
 
         Returns
         -------
@@ -54,8 +60,12 @@ class TagFinder:
         """
         if min(grey.shape) < _SMALLEST_IMAGE_PX:
             return ()
-        self._detector.tag_detector_ptr.contents.quad_decimate = decimate  # read anew for each image
-        found = [_read_detection(seen) for seen in self._detector.detect(np.ascontiguousarray(grey))]
+        enlarged = max(1 / decimate, 1.0)
+        if enlarged > 1:
+            larger = cv2.resize(grey, None, fx=enlarged, fy=enlarged, interpolation=cv2.INTER_CUBIC)
+            grey = np.asarray(larger, dtype=np.uint8)
+        self._detector.tag_detector_ptr.contents.quad_decimate = decimate * enlarged  # read anew for each image
+        found = [_read_detection(seen, enlarged) for seen in self._detector.detect(np.ascontiguousarray(grey))]
         return tuple(sorted(filter(_is_sound, found), key=lambda tag: -tag.margin))
 
 
@@ -80,7 +90,7 @@ def find_tags(grey: GreyArray, *, family: str, decimate: float = 1.0) -> tuple[D
 
 
 def find_tags_near(
-    grey: GreyArray, corners_px: FloatArray, *, family: str, sides: float = 1.0
+    grey: GreyArray, corners_px: FloatArray, *, family: str, sides: float = 1.0, decimate: float = 1.0
 ) -> tuple[Detection, ...]:
     """Return the tags in the part of an image around a place.
 
@@ -94,6 +104,8 @@ def find_tags_near(
         One of `FAMILIES`.
     sides : float
         How far the part goes beyond, in sides of the corners' box.
+    decimate : float
+        As in `TagFinder.find`.
 
     Returns
     -------
@@ -107,7 +119,7 @@ def find_tags_near(
     height, width = grey.shape
     left, right = (int(np.clip(edge, 0, width)) for edge in (low[0] - reach, high[0] + reach + 1))
     top, bottom = (int(np.clip(edge, 0, height)) for edge in (low[1] - reach, high[1] + reach + 1))
-    found = find_tags(grey[top:bottom, left:right], family=family)
+    found = find_tags(grey[top:bottom, left:right], family=family, decimate=decimate)
     return tuple(
         Detection(
             tag_id=tag.tag_id,
@@ -143,9 +155,24 @@ def load_detector() -> Any:
     raise InputError("no AprilTag detector can be loaded: install the package pyapriltags again")
 
 
-def _read_detection(seen: Any) -> Detection:
+def _replace_family(detector: Any, family: str) -> None:
+    """Let a detector look for this family alone, correcting no more bits than `MOST_HAMMING`."""
+    library = detector.libc
+    create, clear, add = (
+        library[name]
+        for name in (f"{family}_create", "apriltag_detector_clear_families", "apriltag_detector_add_family_bits")
+    )
+    create.restype, create.argtypes = ctypes.c_void_p, []
+    clear.restype, clear.argtypes = None, [ctypes.c_void_p]
+    add.restype, add.argtypes = None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
+    pointer = ctypes.cast(detector.tag_detector_ptr, ctypes.c_void_p)
+    clear(pointer)
+    add(pointer, create(), MOST_HAMMING)
+
+
+def _read_detection(seen: Any, enlarged: float) -> Detection:
     # The library puts (0, 0) at the corner of the first pixel; its corners go round as ours do.
-    corners = np.asarray(seen.corners, dtype=float) - 0.5
+    corners = np.asarray(seen.corners, dtype=float) / enlarged - 0.5
     return Detection(
         tag_id=int(seen.tag_id), corners_px=corners, margin=float(seen.decision_margin), hamming=int(seen.hamming)
     )

@@ -14,10 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from tagsway.model import GreyArray
-from tagsway.tags.families import FAMILIES, tag_family
+from tagsway.tags.families import FAMILIES
 from tagsway.tags.find import TagFinder
 
-_MOST_TAGS = 5000  # the tables of larger families take gigabytes and half a minute
 _SURE_MARGIN = 35.0  # with so many ids any clutter is one of them: only what is read without a correction
 
 
@@ -63,8 +62,6 @@ def list_tags(greys: Sequence[GreyArray]) -> list[tuple[str, int]]:
     """
     seen: Counter[tuple[str, int]] = Counter()
     for family in FAMILIES:
-        if tag_family(family).tag_count > _MOST_TAGS:
-            continue
         finder = TagFinder(family)
         for grey in greys:
             sure = (tag for tag in finder.find(grey) if tag.hamming == 0 and tag.margin >= _SURE_MARGIN)

@@ -6,16 +6,17 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tagsway.model import FloatArray
+from tagsway.model import FloatArray, GreyArray
 from tagsway.tags.template import PARAMETERS, Float32Array, Template
 
 _GAIN, _OFFSET, _STEP = 2, 3, [0, 1, 4, 5, 6, 7, 8, 9]  # places in the solution
 
 _ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
 _BLOCKS = 10  # to a side
-_MOTION_STEP_PX = 0.9  # a blur of half a pixel hides steps of this length
-_MOST_MOTION_STEPS = 16
+_SHORTEST_MOTION_PX = 0.3  # a shorter one blurs by less than a tenth of a pixel
+_MOST_MOTION_PX = 16.0
 _LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
+_MIDDLE_GREY = 128  # taken off, so that sums of squares keep their digits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,22 +33,25 @@ class Refinement:
         The same from the residual's sums over blocks: whatever the noise's correlation, but uncertain itself.
     variance : float
         Of the residual, in grey levels squared.
+    gain : float
+        Grey levels from black to white.
     correlation : float
         Of pattern and image.
     step_px : float
-        How far the centre was moved.
+        How far the centre or a corner was moved, about.
     """
 
     homography: FloatArray
     plain: FloatArray
     sandwich: FloatArray | None
     variance: float
+    gain: float
     correlation: float
     step_px: float
 
 
 def refine(
-    grey: Float32Array,
+    grey: GreyArray,
     homography: FloatArray,
     template: Template,
     *,
@@ -58,16 +62,16 @@ def refine(
 
     Parameters
     ----------
-    grey : ndarray of float32, shape (height, width)
-        The image around the tag.
+    grey : ndarray of uint8, shape (height, width)
+        The image.
     homography : ndarray, shape (3, 3)
-        Takes the tag's frame to it; right to about 0.1 px.
+        Takes the tag's frame to it; right to about 0.3 px.
     template : Template
         Of this size and sharpness.
     motion_px : tuple of float
         How far the tag moves, right and down, while the image is exposed.
     with_blocks : bool
-        Also the sandwich, for a fifth more time.
+        Also the sandwich, for more than half as much time again.
 
     Returns
     -------
@@ -79,8 +83,11 @@ def refine(
     Grey I, pattern T: I(x) = a T(H⁻¹ V(x)) + b with V = id + δ(p) a homography of the image, so that each pixel is
     compared with the pattern at its own place; linear in (a p, a, b). The pixels' noise is independent, hence the
     covariance of p is σ² (JᵀJ)⁻¹ / a². Not for a first alignment: one step reaches only as far as a blur.
+
+    The columns of J are the pattern's derivatives times powers of x and y, so all of JᵀJ and JᵀI are moments of nine
+    products of images, over x, then over y: no column is ever formed.
     """
-    still = motion_px == (0.0, 0.0)
+    still = math.hypot(*motion_px) < _SHORTEST_MOTION_PX
     region = _region(grey.shape, homography, template.half_width if still else template.texture_half_width)
     if region is None:
         return None
@@ -88,31 +95,29 @@ def refine(
     scale = template.scale_px
     h = homography / homography[2, 2]
     local = local_jacobian(h)
-    flat = _linearise(h, template, region, local, motion_px)
-    seen = grey[top : top + height, left : left + width].reshape(-1) * flat[_OFFSET]
-    normal = (flat @ flat.T).astype(float)
+    planes = _see(h, template, region, local, None if still else motion_px)
+    np.subtract(grey[top : top + height, left : left + width], np.float32(_MIDDLE_GREY), out=planes[4])
+    planes[4] *= planes[3]
+    x = (np.arange(left, left + width) - h[0, 2]) / scale
+    y = (np.arange(top, top + height) - h[1, 2]) / scale
+    products = _multiply(planes, x, y)
+    normal, sums, squares = products[:-1, :-1], products[:-1, -1], products[-1, -1]
     inverse = _invert(normal)
-    sums = (flat @ seen).astype(float)
     solution = inverse @ sums
-    gain, count = solution[_GAIN], normal[_OFFSET, _OFFSET]
-    squares = float(seen @ seen)
+    gain, count = float(solution[_GAIN]), normal[_OFFSET, _OFFSET]
     mean = normal[_GAIN, _OFFSET] / count
     spread = (squares - sums[_OFFSET] ** 2 / count) * (normal[_GAIN, _GAIN] - mean**2 * count)
     if not (gain > 0 and spread > 0 and np.abs(solution[_STEP]).max() < _LONGEST_STEP * gain):
         return None
-    variance = max((squares - float(solution @ sums)) / (count - PARAMETERS), _ROUNDING)
+    variance = max(float(squares - solution @ sums) / (count - PARAMETERS), _ROUNDING)
     influence = _functionals(local[:, 0], scale) @ inverse / gain
-    sandwich = None
-    if with_blocks:
-        parts = influence.astype(np.float32) @ flat
-        parts *= seen - solution.astype(np.float32) @ flat
-        sandwich = _sum_blocks(parts.reshape(3, height, width))
     return Refinement(
         homography=_move_back(h, solution[_STEP] / gain, scale),
         plain=variance * influence @ normal @ influence.T,
-        sandwich=sandwich,
+        sandwich=_sum_blocks(planes, x, y, solution, influence) if with_blocks else None,
         variance=variance,
-        step_px=scale * math.hypot(solution[0], solution[1]) / gain,
+        gain=gain,
+        step_px=scale * float(np.abs(solution[_STEP]).max()) / gain,
         correlation=float((sums[_GAIN] - sums[_OFFSET] * mean) / math.sqrt(spread)),
     )
 
@@ -127,58 +132,94 @@ def local_jacobian(homography: FloatArray) -> FloatArray:
 def _region(shape: tuple[int, ...], homography: FloatArray, half_width: float) -> tuple[int, int, int, int] | None:
     """Return left, top, width and height of the pixels that the pattern covers."""
     square = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [1 / half_width] * 4])
-    corners = homography @ square
-    across, down = corners[0] / corners[2], corners[1] / corners[2]
-    left, top = max(math.floor(across.min()), 0), max(math.floor(down.min()), 0)
-    width = min(math.ceil(across.max()), shape[1] - 1) - left + 1
-    height = min(math.ceil(down.max()), shape[0] - 1) - top + 1
+    across, down, depth = (homography @ square).tolist()
+    across = [place / w for place, w in zip(across, depth, strict=True)]
+    down = [place / w for place, w in zip(down, depth, strict=True)]
+    left, top = max(math.floor(min(across)), 0), max(math.floor(min(down)), 0)
+    width = min(math.ceil(max(across)), shape[1] - 1) - left + 1
+    height = min(math.ceil(max(down)), shape[0] - 1) - top + 1
     return (left, top, width, height) if min(width, height) >= _BLOCKS else None
 
 
-def _linearise(
+def _see(
     homography: FloatArray,
     template: Template,
     region: tuple[int, int, int, int],
     local: FloatArray,
-    motion_px: tuple[float, float],
+    motion_px: tuple[float, float] | None,
 ) -> Float32Array:
-    """Return the derivatives of the grey values by the solution, shape (10, height × width), times their weight."""
+    """Return the pattern as the image's pixels see it, shape (5, height, width).
+
+    Its derivatives by x and y of the image, in units of the scale, itself, its weight, and room for the image.
+    """
     left, top, width, height = region
-    scale = template.scale_px
-    seen = _expose(template.texture, template.texture_grid @ _invert(homography), region, motion_px)
-    first = np.eye(4, dtype=np.float32)  # of derivatives, pattern and weight: the derivatives turn into the image
-    first[:2, :2] = (scale * _invert(local)).T
-    flat = np.empty((PARAMETERS, height * width), np.float32)
-    np.matmul(first, seen.reshape(-1, 4).T, out=flat[:4])
-    if motion_px != (0.0, 0.0):
-        flat[:4] *= flat[_OFFSET] > 0.999  # what the edge of the known part swept over is not known
-    x = ((np.arange(left, left + width) - homography[0, 2]) / scale).astype(np.float32)
-    y = ((np.arange(top, top + height) - homography[1, 2]) / scale).astype(np.float32)[:, None]
-    by_x, by_y, _, _, xx, xy, yx, yy, inward_x, inward_y = flat.reshape(PARAMETERS, height, width)
-    for rate, place, out in ((by_x, x, xx), (by_x, y, xy), (by_y, x, yx), (by_y, y, yy)):
-        np.multiply(rate, place, out=out)
-    inward = xx + yy
-    np.multiply(inward, -x, out=inward_x)
-    np.multiply(inward, -y, out=inward_y)
-    return flat
+    place = np.array([[1, 0, left], [0, 1, top], [0, 0, 1.0]])
+    view = template.texture_grid @ _invert(homography) @ place
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    seen = np.asarray(cv2.warpPerspective(template.texture, view, (width, height), flags=flags))
+    if motion_px is not None:
+        seen = np.asarray(cv2.filter2D(seen, -1, _streak(motion_px), borderType=cv2.BORDER_CONSTANT))
+    first = np.eye(4, dtype=np.float32)
+    first[:2, :2] = (template.scale_px * _invert(local)).T
+    planes = np.empty((5, height, width), np.float32)
+    np.matmul(first, seen.reshape(-1, 4).T, out=planes[:4].reshape(4, -1))
+    if motion_px is not None:
+        planes[:4] *= planes[3] > 0.999  # what the edge of the known part swept over is not known
+    return planes
 
 
-def _expose(
-    texture: Float32Array, view: FloatArray, region: tuple[int, int, int, int], motion_px: tuple[float, float]
-) -> Float32Array:
-    """Return the texture as the image's pixels see it, averaged over the motion while they are exposed."""
-    left, top, width, height = region
-    steps = min(round(math.hypot(*motion_px) / _MOTION_STEP_PX) + 1, _MOST_MOTION_STEPS)
-    seen: Float32Array = np.zeros((height, width, 4), np.float32)
-    for k in range(steps):
-        part = (k + 0.5) / steps - 0.5
-        place = np.array([[1, 0, left - part * motion_px[0]], [0, 1, top - part * motion_px[1]], [0, 0, 1.0]])
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        one = cv2.warpPerspective(texture, view @ place, (width, height), flags=flags)
-        if steps == 1:
-            return np.asarray(one, dtype=np.float32)
-        seen += one
-    return seen / np.float32(steps)
+def _streak(motion_px: tuple[float, float]) -> Float32Array:
+    """Return the kernel of a motion: a line in cubic interpolation (Keys), which keeps parabolas."""
+    length = math.hypot(*motion_px)
+    motion = [part * min(1.0, _MOST_MOTION_PX / length) for part in motion_px]
+    steps = math.ceil(2 * length) + 2
+    shares = (np.arange(steps) + 0.5) / steps - 0.5
+    across, down = (_interpolate(part * shares, math.ceil(abs(part) / 2) + 1) for part in motion)
+    return np.asarray(down.T @ across / steps, dtype=np.float32)
+
+
+def _interpolate(places: FloatArray, reach: int) -> FloatArray:
+    """Return the weights of the pixels -reach .. reach in a value between them, shape (places, 2 reach + 1)."""
+    off = np.abs(np.arange(-reach, reach + 1) - places[:, None])
+    near = (1.5 * off - 2.5) * off * off + 1
+    far = ((-0.5 * off + 2.5) * off - 4) * off + 2
+    weights: FloatArray = np.where(off < 1, near, np.where(off < 2, far, 0.0))
+    return weights
+
+
+# The gradients' columns are sums of these: (plane, power of x, power of y); then pattern, weight and image.
+_TERMS = [(0, 0, 0), (0, 1, 0), (0, 0, 1), (0, 2, 0), (0, 1, 1), (1, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 0, 2)]
+_ALL_TERMS = [*_TERMS, (2, 0, 0), (3, 0, 0), (4, 0, 0)]
+_POWERS = 5
+
+
+def _find_moment(one: tuple[int, int, int], other: tuple[int, int, int]) -> int:
+    """Return where the sum of two terms' product is among the moments, then the products of the last three planes."""
+    low, high = sorted((one[0], other[0]))
+    if low > 1:
+        return 9 * _POWERS**2 + 3 * (low - 2) + high - 2
+    image = high if low == 0 else 5 + high - 1
+    return _POWERS * (_POWERS * image + one[2] + other[2]) + one[1] + other[1]
+
+
+_MOMENTS = np.array([[_find_moment(one, other) for other in _ALL_TERMS] for one in _ALL_TERMS])
+_COLUMNS = np.zeros((PARAMETERS + 1, len(_ALL_TERMS)))  # of the solution, then the image
+_COLUMNS[[0, 1, 2, 3, 4, 5, 6, 7, 10], [0, 5, 10, 11, 1, 2, 6, 7, 12]] = 1.0
+_COLUMNS[8, [3, 8]] = _COLUMNS[9, [4, 9]] = -1.0
+
+
+def _multiply(planes: Float32Array, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the scalar products of the solution's columns and the image, shape (11, 11)."""
+    _, height, width = planes.shape
+    maps = np.empty((9, height, width), np.float32)
+    np.multiply(planes[0], planes, out=maps[:5])
+    np.multiply(planes[1], planes[1:], out=maps[5:])
+    by_x, by_y = (np.vander(at, _POWERS, increasing=True).astype(np.float32) for at in (x, y))
+    moments = by_y.T @ (maps.reshape(-1, width) @ by_x).reshape(9, height, _POWERS)
+    rest = planes[2:].reshape(3, -1)
+    every = np.concatenate([moments.ravel(), *(rest @ one for one in rest)]).astype(float)
+    products: FloatArray = _COLUMNS @ every[_MOMENTS] @ _COLUMNS.T
+    return products
 
 
 def _functionals(along: FloatArray, scale: float) -> FloatArray:
@@ -207,10 +248,22 @@ def _invert(matrix: FloatArray) -> FloatArray:
     return np.asarray(cv2.invert(matrix)[1], dtype=np.float64)
 
 
-def _sum_blocks(parts: Float32Array) -> FloatArray:
+def _sum_blocks(
+    planes: Float32Array, x: FloatArray, y: FloatArray, solution: FloatArray, influence: FloatArray
+) -> FloatArray:
     """Return the covariance of three sums from their parts over blocks of the image."""
-    _, height, width = parts.shape
-    rows, columns = (np.arange(_BLOCKS) * size // _BLOCKS for size in (height, width))
-    blocks = np.add.reduceat(np.add.reduceat(parts, rows, axis=1), columns, axis=2).reshape(3, -1).astype(float)
+    _, height, width = planes.shape
+    wanted = np.vstack([influence, solution]) @ _COLUMNS[:-1, :-1]
+    shares = np.zeros((2, len(wanted), 3, 3))  # of the two derivatives, by powers of y and x
+    for k, (plane, power_x, power_y) in enumerate(_TERMS):
+        shares[plane, :, power_y, power_x] = wanted[:, k]
+    by_x, by_y = (np.vander(at, 3, increasing=True) for at in (x, y))
+    weights = (by_y @ shares @ by_x.T).astype(np.float32)
+    weights *= planes[:2, None]
+    sums = weights[0] + weights[1]
+    sums += np.tensordot(wanted[:, len(_TERMS) :].astype(np.float32), planes[2:4], axes=1)
+    parts = sums[:-1] * (planes[4] - sums[-1])
+    rows, across = (np.arange(_BLOCKS) * size // _BLOCKS for size in (height, width))
+    blocks = np.add.reduceat(np.add.reduceat(parts, rows, axis=1), across, axis=2).reshape(3, -1).astype(float)
     covariance: FloatArray = blocks @ blocks.T * (_BLOCKS**2 / (_BLOCKS**2 - PARAMETERS))
     return covariance

@@ -12,6 +12,7 @@ from tagsway.model import (
     Estimate,
     FloatArray,
     Notice,
+    PlaneView,
     Settings,
     Sightings,
     TagSightings,
@@ -21,10 +22,13 @@ from tagsway.model import (
 from tagsway.tracks.depth import find_depth_sway
 from tagsway.tracks.scale import measure_scale
 from tagsway.tracks.shake import Shake, measure_shake, unwrap
-from tagsway.tracks.tilt import Tilt, measure_tilt
+from tagsway.tracks.tilt import LEVEL, Tilt, measure_tilt
 
 FEW = 0.9
 """Share of frames below which a tag counts as badly seen."""
+
+KNOWN_FOCAL = 0.1
+"""Relative error up to which a focal length that was found counts as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +65,7 @@ class _Picture:
 
 
 def join_tags(
-    sightings: Sightings, settings: Settings, camera: Camera | None = None
+    sightings: Sightings, settings: Settings, camera: Camera | None = None, *, view: PlaneView | None = None
 ) -> tuple[Track, CoordinateFrame, tuple[Notice, ...]]:
     """Join the sightings of the tags to tracks of the tool and the product.
 
@@ -74,6 +78,9 @@ def join_tags(
     camera : Camera, optional
         Its principal point and focal length are used; without it the image's centre, and a focal length of the
         image's width where one must be assumed.
+    view : PlaneView, optional
+        As it was found; the sightings are then those of a camera that looks squarely at the plane
+        (`tagsway.camera.straighten_sightings`), and its scales are used.
 
     Returns
     -------
@@ -91,7 +98,8 @@ def join_tags(
     counted from the principal point, times its own scale, and the two may be subtracted. A plane that is tilted
     against the image has another depth at each point; the tags' sizes along their way tell the tilt. Where only one
     tag's size is given, its scale serves for both. An error of a scale is the same in every frame: it is not in
-    `position_std`. The tilt's foreshortening is left: 0.4 % of the lengths along it at 5°.
+    `position_std`. Without a `view` the tilt's foreshortening is left: 0.4 % of the lengths
+    along it at 5°.
 
     `--up DEG` is the angle, counter-clockwise as one looks at the image, from the image's up to the true one;
     "reference" takes the mean direction of the reference tag's own up.
@@ -101,12 +109,13 @@ def join_tags(
     shake = None if reference is None else measure_shake(sightings.time_s, reference)
     up, up_source, notices = _find_up(settings, reference)
     width, height = sightings.video.width, sightings.video.height
+    camera = camera if view is None else view.camera
     centre = ((width - 1) / 2, (height - 1) / 2) if camera is None else (camera.cx, camera.cy)
     focal = float(width) if camera is None else camera.fx
     tags = {name: tag for name, tag in (("tcp", tcp), ("pcp", pcp)) if tag is not None}
-    tilt = measure_tilt(tuple(tags.values()), np.array(centre), focal_px=focal)
+    tilt = LEVEL if view else measure_tilt(tuple(tags.values()), np.array(centre), focal_px=focal)
     picture = _Picture(principal_px=np.array(centre), tilt=tilt, up_rad=up, shake=shake)
-    scales, unit, scale_notices = _find_scales(tcp, pcp, settings, picture)
+    scales, unit, scale_notices = _find_scales(tcp, pcp, settings, picture, view)
 
     tracks = {name: _track_tag(tag, picture, scales[name], unit) for name, tag in tags.items()}
     origin = next((_first(track.position) for track in tracks.values()), np.zeros(2))
@@ -132,7 +141,8 @@ def join_tags(
     )
     notices += scale_notices + _judge_sightings(sightings, settings, shake)
     if pcp is not None:
-        notices += _judge_depth(sightings, pcp, tcp, track, camera)
+        known = camera is not None and (view is None or view.focal_px.std <= KNOWN_FOCAL * view.focal_px.value)
+        notices += _judge_depth(sightings, pcp, tcp, track, camera, known=known)
     return track, frame, notices
 
 
@@ -156,14 +166,22 @@ def _find_up(settings: Settings, reference: TagSightings | None) -> tuple[float,
 
 
 def _find_scales(
-    tcp: TagSightings | None, pcp: TagSightings | None, settings: Settings, picture: _Picture
+    tcp: TagSightings | None,
+    pcp: TagSightings | None,
+    settings: Settings,
+    picture: _Picture,
+    view: PlaneView | None,
 ) -> tuple[dict[str, Estimate | None], Literal["m", "px"], tuple[Notice, ...]]:
     """Return each tag's scale in mm per pixel; one that is not known is taken from the other."""
     sizes = {"tcp": (tcp, settings.tcp_tag_size_m), "pcp": (pcp, settings.pcp_tag_size_m)}
     found: dict[str, Estimate | None] = {"tcp": None, "pcp": None}
     for name, (tag, size) in sizes.items():
         if tag is not None and size is not None:
-            found[name] = measure_scale(tag, size, enlargement=picture.enlargement(tag))
+            found[name] = (
+                measure_scale(tag, size, enlargement=picture.enlargement(tag))
+                if view is None
+                else _in_mm(view.scale(tag.tag_id))
+            )
     known = [name for name in found if found[name] is not None]
     if not known:
         message = "without --tag-size nothing is known in mm: frequency and damping are found, lengths are not"
@@ -175,6 +193,10 @@ def _find_scales(
         )
         return dict.fromkeys(found, found[known[0]]), "m", (Notice(code="one_tag_size", message=message),)
     return {name: found[name] or found[known[0]] for name in found}, "m", ()
+
+
+def _in_mm(scale: Estimate) -> Estimate:
+    return Estimate.normal(1000 * scale.value, 1000 * scale.std, low=0.0)
 
 
 def _track_tag(tag: TagSightings, picture: _Picture, scale: Estimate | None, unit: Literal["m", "px"]) -> TagTrack:
@@ -220,12 +242,29 @@ def _judge_sightings(sightings: Sightings, settings: Settings, shake: Shake | No
 
 
 def _judge_depth(
-    sightings: Sightings, pcp: TagSightings, tcp: TagSightings | None, track: Track, camera: Camera | None
+    sightings: Sightings,
+    pcp: TagSightings,
+    tcp: TagSightings | None,
+    track: Track,
+    camera: Camera | None,
+    *,
+    known: bool,
 ) -> tuple[Notice, ...]:
     """Say where the product sways out of the plane."""
     scale = track.pcp.scale_mm_per_px
     unit = 1.0 if track.length_unit == "px" or scale is None else scale.value / 1000
     sway = track.pcp.position if track.tcp is None else track.pcp.position - track.tcp.position
     focal = float(sightings.video.width) if camera is None else camera.fx
-    notice = find_depth_sway(sightings.time_s, sway / unit, pcp, tcp, focal_px=focal, known=camera is not None)
+    width, height = sightings.video.width, sightings.video.height
+    centre = ((width - 1) / 2, (height - 1) / 2) if camera is None else (camera.cx, camera.cy)
+    notice = find_depth_sway(
+        sightings.time_s,
+        sway / unit,
+        pcp,
+        tcp,
+        focal_px=focal,
+        principal_px=np.array(centre),
+        known=known,
+        mm_per_px=None if track.length_unit == "px" or scale is None else scale.value,
+    )
     return () if notice is None else (notice,)

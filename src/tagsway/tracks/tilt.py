@@ -44,6 +44,10 @@ class Tilt:
         return np.maximum(self.nearness(offset_px), LEAST_NEARNESS) ** 1.5
 
 
+LEVEL = Tilt(gradient_per_px=np.zeros(2), std_per_px=np.zeros(2))
+"""No tilt at all: the picture was straightened."""
+
+
 def measure_tilt(tags: Sequence[TagSightings], principal_px: FloatArray, *, focal_px: float) -> Tilt:
     """Return the plane's tilt that makes every tag equally large all along its way.
 

@@ -126,13 +126,57 @@ def fit_clock(
     )
 
 
+def count_clock(numbers: IntArray, *, tick_s: float, fps_hz: float | None = None) -> Clock:
+    """Return the clock of frames that are numbered evenly, as a high-speed camera's are: a missing number was dropped.
+
+    Parameters
+    ----------
+    numbers : ndarray of int, shape (n,)
+        Rising.
+    tick_s : float
+        Time from one number to the next as the source states it; NaN where it does not.
+    fps_hz : float or None
+        The rate that the user gave, in numbers a second.
+
+    Returns
+    -------
+    Clock
+        Uniform, 0 at the first number.
+
+    Raises
+    ------
+    InputError
+        Where nobody knows the rate.
+    """
+    if fps_hz is None and not (tick_s > 0 and math.isfinite(tick_s)):
+        raise InputError("images hold no times: give the capture rate with --fps")
+    if fps_hz is not None:
+        _check_rate(fps_hz)
+    rate_hz = 1 / tick_s if fps_hz is None else fps_hz
+    return Clock(
+        stamps=numbers,
+        time_s=(numbers - numbers[0]) / rate_hz,
+        by_order=False,
+        uniform=True,
+        fps_hz=rate_hz,
+        time_source="container" if fps_hz is None else "option",
+        pts_rounding_s=0.0,
+        dropped=int(numbers[-1] - numbers[0]) + 1 - len(numbers),
+        duplicated=0,
+    )
+
+
+def _check_rate(fps_hz: float) -> None:
+    if not (fps_hz > 0 and math.isfinite(fps_hz)):
+        raise InputError(f"--fps is {fps_hz:g}: expected the capture rate in Hz, a positive number")
+
+
 def _choose_rate(
     own_hz: float, fps_hz: float | None, captured_hz: float | None
 ) -> tuple[float, Literal["container", "option", "metadata"], tuple[Notice, ...]]:
     """Return the factor on all times, where it comes from, and what to say about it."""
     if fps_hz is not None:
-        if not (fps_hz > 0 and math.isfinite(fps_hz)):
-            raise InputError(f"--fps is {fps_hz:g}: expected the capture rate in Hz, a positive number")
+        _check_rate(fps_hz)
         return own_hz / fps_hz, "option", ()
     if captured_hz is None or not (captured_hz > 0 and math.isfinite(captured_hz)):
         return 1.0, "container", ()

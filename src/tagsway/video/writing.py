@@ -1,18 +1,18 @@
-"""Write grey images as a video file, with exact times."""
+"""Write grey or coloured images as a video file, with exact times."""
 
-import contextlib
 import math
-import os
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
 
 import av
+import cv2
 import numpy as np
-from av.video.reformatter import ColorRange
+from av.video.reformatter import ColorRange, Colorspace
 
 from tagsway.errors import InputError
+from tagsway.files import whole_file
 from tagsway.model import FloatArray, GreyArray
 
 Codec = Literal["h264", "hevc", "mjpeg", "ffv1", "raw"]
@@ -52,8 +52,9 @@ def write_video(
     ----------
     path : Path
         The file; its suffix chooses the container.
-    frames : iterable of ndarray of uint8, shape (height, width)
-        All of one size, both sides even; they may be made one by one.
+    frames : iterable of ndarray of uint8, shape (height, width) or (height, width, 3)
+        Grey, or red, green and blue, which h264 in limited range alone takes; all of one size, both sides even; they
+        may be made one by one.
     fps_hz : float
         Rate that the header claims.
     time_s : ndarray, shape (n,), optional
@@ -84,9 +85,11 @@ def write_video(
     base = _time_base(fps_hz, time_s is not None, time_rounding_s)
     if path.suffix.lower() == ".avi":
         base = 1 / _rate(fps_hz)
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written (there is no folder {path.parent})")
     _check(path, codec, quality, has_times=time_s is not None, full_range=full_range)
     try:
-        with _in_its_place(path) as part:
+        with whole_file(path) as part:
             count = _encode(part, _stamp(frames, fps_hz, time_s, base), fps_hz, base, codec, quality, full_range)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
@@ -104,9 +107,11 @@ def _encode(
 ) -> int:
     name, pixels = _ENCODERS[codec]
     first, stamp = next(frames)
-    height, width = first.shape
+    height, width = first.shape[:2]
     if height % 2 or width % 2:
         raise InputError(f"a video's sides must be even, not {width} x {height}")
+    if first.ndim == 3 and (codec != "h264" or full_range):
+        raise InputError("coloured images are written with h264 and in limited range alone, as every player shows them")
     options = {"video_track_timescale": str(base.denominator)} if part.suffix in (".mp4", ".mov") else {}
     with av.open(str(part), "w", options=options) as container:
         stream: Any = container.add_stream(name, rate=_rate(fps_hz), options=_options(codec, quality))
@@ -115,12 +120,14 @@ def _encode(
         context.time_base = base
         context.thread_count = 1
         context.color_range = ColorRange.JPEG if full_range else ColorRange.MPEG
+        if first.ndim == 3:
+            context.colorspace = Colorspace.SMPTE170M  # what OpenCV's conversion is
         if codec == "mjpeg":
             context.qmin = context.qmax = max(1, round(quality))
         count, image = 0, first
         while True:
             if image.shape != first.shape:
-                raise InputError(f"frame {count} is {image.shape[::-1]}: expected {first.shape[::-1]}, as the first")
+                raise InputError(f"frame {count} is of shape {image.shape}: expected {first.shape}, as the first")
             picture = _picture(image, pixels, full_range)
             picture.pts, picture.time_base = stamp, base
             container.mux(stream.encode(picture))
@@ -134,6 +141,9 @@ def _encode(
 
 
 def _picture(image: GreyArray, pixels: str, full_range: bool) -> Any:
+    if image.ndim == 3:
+        planes: GreyArray = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
+        return av.VideoFrame.from_ndarray(planes, format=pixels)
     luma = image if full_range else _LIMITED[image]
     height, width = image.shape
     picture: Any = av.VideoFrame(width, height, pixels)
@@ -209,13 +219,3 @@ def _check(path: Path, codec: str, quality: float, *, has_times: bool, full_rang
         raise InputError("mjpeg is always of full range")
     if not quality >= 0:
         raise InputError(f"a quality must be 0 or more, not {quality:g}")
-
-
-@contextlib.contextmanager
-def _in_its_place(path: Path) -> Iterator[Path]:
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
-        yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

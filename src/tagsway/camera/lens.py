@@ -1,5 +1,6 @@
 """A known lens: pixels as an ideal camera would show them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -10,6 +11,9 @@ from tagsway.model import Camera, FloatArray, Sightings, TagSightings
 
 REFINEMENTS = 30
 """Rounds of a fixed-point iteration, each of which shrinks the error by the lens' own relative distortion."""
+
+STEP_PX = 0.5
+"""Half the distance over which a map's derivative is taken."""
 
 
 def undistort(points_px: FloatArray, camera: Camera) -> FloatArray:
@@ -58,26 +62,25 @@ def undistort_sightings(sightings: Sightings, camera: Camera) -> Sightings:
             f"the camera was calibrated at {camera.width}×{camera.height}, the video is {size[0]}×{size[1]}: "
             "calibrate it at the video's size"
         )
-    tags = tuple(_undistort_tag(tag, camera) for tag in sightings.tags)
+    tags = tuple(carry_tag(tag, lambda points: undistort(points, camera)) for tag in sightings.tags)
     if not any(np.isfinite(tag.centre_px).any() for tag in tags):
         raise InputError(f"the camera's distortion {camera.distortion} leaves no tag in the image; calibrate it again")
     return replace(sightings, tags=tags)
 
 
-def _undistort_tag(tag: TagSightings, camera: Camera) -> TagSightings:
-    """Return one tag's sightings without distortion; small vectors at its centre turn with the lens' derivative."""
-    step = 0.5
-    columns = [
-        undistort(tag.centre_px + step * unit, camera) - undistort(tag.centre_px - step * unit, camera)
-        for unit in np.eye(2)
-    ]
-    derivative = np.stack(columns, axis=-1) / (2 * step)
+def carry_tag(tag: TagSightings, carry: Callable[[FloatArray], FloatArray]) -> TagSightings:
+    """Return one tag's sightings in other pixels; small vectors at its centre turn with the map's derivative."""
+    columns = [carry(tag.centre_px + STEP_PX * unit) - carry(tag.centre_px - STEP_PX * unit) for unit in np.eye(2)]
+    derivative = np.stack(columns, axis=-1) / (2 * STEP_PX)
     along = np.stack([np.cos(tag.angle_rad), -np.sin(tag.angle_rad)], axis=-1)
     turned = np.einsum("nij,nj->ni", derivative, along)
+    (xx, xy), (yx, yy) = np.moveaxis(derivative, 0, -1)  # numpy's determinant warns of NaN
+    area = xx * yy - xy * yx
     return replace(
         tag,
-        centre_px=undistort(tag.centre_px, camera),
+        centre_px=carry(tag.centre_px),
         covariance_px2=derivative @ tag.covariance_px2 @ np.swapaxes(derivative, -1, -2),
-        corners_px=undistort(tag.corners_px, camera),
+        corners_px=carry(tag.corners_px),
         angle_rad=np.arctan2(-turned[:, 1], turned[:, 0]),
+        angle_std_rad=tag.angle_std_rad * area / np.sum(turned**2, axis=1),
     )

@@ -1,0 +1,74 @@
+"""What following leaves behind: a row of numbers for every frame, in memory that grows chunk by chunk."""
+
+import numpy as np
+
+from tagsway.model import FloatArray, Sighting, TagSightings
+
+_CHUNK = 4096
+_WIDTH = 17
+
+
+class SightingRecord:
+    """The sightings of one tag, frame after frame: 136 bytes each.
+
+    Parameters
+    ----------
+    tag_id : int
+        Its number in the family.
+    missed : int
+        Frames that have gone by without it.
+    """
+
+    def __init__(self, tag_id: int, *, missed: int = 0) -> None:
+        self._tag_id = tag_id
+        self._chunks: list[FloatArray] = []
+        self._count = 0
+        self.seen = 0
+        for _ in range(missed):
+            self.append(None)
+
+    @property
+    def count(self) -> int:
+        """How many frames there have been."""
+        return self._count
+
+    def append(self, sighting: Sighting | None) -> None:
+        """Keep one frame's result; None where the tag was not seen."""
+        place = self._count % _CHUNK
+        if place == 0:
+            self._chunks.append(np.full((_CHUNK, _WIDTH), np.nan))
+        self._count += 1
+        if sighting is None:
+            return
+        self.seen += 1
+        row = self._chunks[-1][place]
+        row[0], row[15], row[16] = sighting.correlation, sighting.angle_rad, sighting.angle_std_rad
+        row[1:3] = sighting.centre_px
+        row[3:7] = sighting.covariance_px2.reshape(4)
+        row[7:15] = sighting.corners_px.reshape(8)
+
+    def measure_motion(self) -> tuple[float, float]:
+        """Return how far the tag moved (rms about its mean place) and its mean side, in px."""
+        rows = self._join()
+        rows = rows[np.isfinite(rows[:, 0])]
+        corners = rows[:, 7:15].reshape(-1, 4, 2)
+        sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        return float(np.sqrt(rows[:, 1:3].var(axis=0).sum())), float(sides.mean())
+
+    def join(self) -> TagSightings:
+        """Return all frames."""
+        rows = self._join()
+        return TagSightings(
+            tag_id=self._tag_id,
+            correlation=rows[:, 0].copy(),
+            centre_px=rows[:, 1:3].copy(),
+            covariance_px2=rows[:, 3:7].reshape(-1, 2, 2),
+            corners_px=rows[:, 7:15].reshape(-1, 4, 2),
+            angle_rad=rows[:, 15].copy(),
+            angle_std_rad=rows[:, 16].copy(),
+        )
+
+    def _join(self) -> FloatArray:
+        if not self._chunks:
+            return np.empty((0, _WIDTH))
+        return np.concatenate(self._chunks)[: self._count]

@@ -1,0 +1,60 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tag_images import make_pose, photograph, see_tag
+from tagsway.tags.follow import follow_tags
+from tagsway.tags.scatter import Scatter
+from tagsway.video.reading import read_clock, read_frames
+from tagsway.video.writing import Codec, write_video
+
+
+def scatter_of(places: np.ndarray, *, stated: float) -> float:
+    scatter = Scatter()
+    for innovation in np.diff(places, 3):
+        scatter.add(np.full(3, innovation), np.full(3, stated))
+    return float(scatter.variance[0])
+
+
+def test_white_noise_is_measured() -> None:
+    rng = np.random.default_rng(0)
+    found = [scatter_of(rng.normal(scale=0.02, size=200), stated=0.005**2) for _ in range(40)]
+    # statistics: about a dozen independent squares each and the least of four orders, so 3 % for the mean of 40
+    assert 0.75 < np.mean(found) / 0.02**2 < 1.2
+
+
+def test_fast_motion_at_a_phones_rate_is_not_taken_for_noise() -> None:
+    time = np.arange(300) / 60
+    noise = np.random.default_rng(1).normal(scale=0.003, size=300)
+    assert scatter_of(40 * np.sin(2 * math.pi * 2.0 * time) + noise, stated=0.003**2) < 2 * 0.003**2
+
+
+def test_too_few_frames_say_nothing() -> None:
+    assert scatter_of(np.arange(6.0) ** 4, stated=1.0) == 0
+
+
+def test_a_jerk_is_forgotten() -> None:
+    noise = np.random.default_rng(2).normal(scale=0.01, size=300)
+    jerked = noise + 5.0 * (np.arange(300) > 100)
+    assert scatter_of(jerked, stated=0.01**2) < 2 * 0.01**2
+
+
+@pytest.mark.parametrize(("codec", "quality"), [("raw", 0), ("h264", 18)])
+def test_errors_of_a_moving_tag_are_honest_in_compressed_video(tmp_path: Path, codec: Codec, quality: float) -> None:
+    rng = np.random.default_rng(3)
+    poses = []
+    for k in range(160):
+        angle = 0.25 * math.sin(2 * math.pi * 2.3 * k / 200)
+        poses.append(make_pose((120 + 200 * math.sin(angle), 200 * math.cos(angle) - 95), 40, angle))
+    wall = np.clip(120 + 10 * rng.normal(size=(30, 30)), 0, 255).repeat(8, axis=0).repeat(8, axis=1)
+    path = tmp_path / ("clip.avi" if codec == "raw" else "clip.mp4")
+    images = (photograph(see_tag(pose, wall.shape, onto=wall), 3.0, rng) for pose in poses)
+    write_video(path, images, fps_hz=200, codec=codec, quality=quality)
+    with read_frames(path, read_clock(path), full_range=False) as frames:
+        (tag,) = follow_tags(frames, family="tag36h11", tag_ids=[0]).tags
+    error = (tag.centre_px - np.array([pose[:2, 2] for pose in poses]))[16:]
+    normalised = error**2 / np.diagonal(tag.covariance_px2, axis1=1, axis2=2)[16:]
+    # statistics: 288 squares that share an estimate of three dozen frames are known to 15 %: three times that
+    assert 0.55 < np.mean(normalised) < 1.45
