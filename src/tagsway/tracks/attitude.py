@@ -29,6 +29,9 @@ LEAST_TURN_RAD = 0.002
 FRAMES_PER_SAMPLE = 10
 """Neighbouring frames share their error (a codec predicts each from the last): so many count as one."""
 
+LEAST_SPREAD = 1e-4
+"""Misfit that any tag's looks are granted: a codec repeats a tag at rest, which is no proof of having no noise."""
+
 PLACE_STD = np.array([[0.2, 0.2, 0.3, 0.3, 0.3]] * 3 + [[0.6] * 5] * 2)
 """How each channel may depend on x, y, x², x y and y², in units of the focal length: 5° of tilt, k1 of ±0.1."""
 
@@ -153,17 +156,19 @@ def _dependence_on_place(
     design = np.column_stack([place[seen], np.ones(len(seen))])
     for channel in range(CHANNELS):
         values, weight = looks[seen, channel], np.ones(len(seen))
-        prior = np.diag([*PLACE_STD[channel] ** -2.0, 0.0])
+        prior = np.diag(PLACE_STD[channel] ** -2.0)
         for _ in range(4):
             free = np.linalg.lstsq(design * weight[:, None] ** 0.5, values * weight**0.5, rcond=None)[0]
             left = values - design @ free
-            spread = max(1.4826 * float(np.median(np.abs(left))), 1e-6)
+            spread = max(1.4826 * float(np.median(np.abs(left))), LEAST_SPREAD)
             weight = 1 / np.maximum(1.0, np.abs(left) / (2 * spread))
         step = max(1, len(looks) // MOST_SAMPLES)
         variance = spread**2 * max(FRAMES_PER_SAMPLE / step, 1.0)
-        covariance = np.linalg.inv((design.T * weight) @ design / variance + prior)
-        centre = covariance @ (design.T @ (weight * values)) / variance
-        slopes[channel], covariances[channel] = centre[:5], covariance[:5, :5]
+        # About the mean, lest the constant's digits drown the rest.
+        about = design[:, :5] - np.average(design[:, :5], axis=0, weights=weight)
+        covariances[channel] = np.linalg.inv((about.T * weight) @ about / variance + prior)
+        slopes[channel] = covariances[channel] @ (about.T @ (weight * (values - np.average(values, weights=weight))))
+        slopes[channel] /= variance
     return slopes, covariances
 
 
