@@ -7,7 +7,7 @@ import pytest
 
 from tagsway.errors import InputError
 from tagsway.filters import clean_track
-from tagsway.indicators import find_move, indicators_of, measure_indicators
+from tagsway.indicators import indicators_of, measure_indicators
 from tagsway.model import GRAVITY_M_S2, FloatArray, TagTrack, Track, Window
 
 START_S, ACCELERATION, TRAVEL_M = 0.5, 5.0, 0.7
@@ -185,14 +185,19 @@ def test_a_tool_that_stands_shakes_or_was_not_seen_makes_no_move() -> None:
 
 
 def test_only_the_last_of_two_moves_counts() -> None:
-    back = tool(TIME) - tool(TIME - 1.6)
+    back = tool(TIME) - 0.5 * tool(TIME - 1.6)
     free = Window(start_s=END_S + 1.65, end_s=4.4)
-    clean = clean_track(track_of(back, back))
-    assert clean.tcp is not None
-    move = find_move(clean.time_s, clean.tcp.position, clean.tcp.velocity, free)
-    assert move is not None
-    assert move.start_s == pytest.approx(START_S + 1.6, abs=0.02)
-    assert move.end_s == pytest.approx(END_S + 1.6, abs=0.02)
+    track = track_of(back, back + np.array([0, -0.05]))
+    found = measure_indicators(track, clean_track(track), free)
+    assert found is not None
+    assert found.reference_m == pytest.approx(TRAVEL_M / 2, abs=1e-3)
+    assert found.trajectory_time_s == pytest.approx(END_S - START_S, abs=0.02)  # discretisation: two samples an end
+
+
+def test_a_tool_that_comes_back_to_its_place_has_no_travel_to_refer_to() -> None:
+    back = tool(TIME) - tool(TIME - (END_S - START_S))
+    track = track_of(back, back + np.array([0, -0.05]))
+    assert measure_indicators(track, clean_track(track), Window(start_s=2.3, end_s=4.4)) is None
 
 
 @pytest.mark.parametrize("lost", [slice(0, 20), slice(300, 340), slice(880, 900), slice(0, 900)])

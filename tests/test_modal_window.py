@@ -8,6 +8,7 @@ import pytest
 from tagsway.dynamics import PendulumEnsemble, simulate_sway
 from tagsway.errors import NotIdentifiableError
 from tagsway.modal import find_window, identify_modes
+from tagsway.modal.window import find_free_vibration
 from tagsway.model import CleanTagTrack, CleanTrack, FloatArray, Pendulum, TagTrack, Track
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "real"
@@ -122,6 +123,50 @@ def test_lost_samples_do_not_cut_a_decay() -> None:
     window = find_window(*make_tracks(time, pcp))
     assert window.start_s < 0.1
     assert window.end_s > 3.9
+
+
+def test_of_several_decays_the_clearest_is_used_and_the_others_are_named() -> None:
+    rng = np.random.default_rng(8)
+    time, pcp, tcp, ended = simulate_move(4.0, duration=3.5)
+    _, again, still, _ = simulate_move(2.0, travel=0.05, duration=3.5)
+    pcp, tcp = np.vstack([pcp, pcp[-1] + again - again[0]]), np.vstack([tcp, tcp[-1] + still])
+    track, clean = make_tracks(np.arange(2 * len(time)) / RATE_HZ, noisy(pcp, rng), noisy(tcp, rng))
+    found = find_free_vibration(track, clean)
+    assert ended - 0.005 < found.window.start_s < ended + 0.15
+    assert found.window.end_s < 3.5 + 0.35
+    assert [notice.code for notice in found.notices] == ["several_decays"]
+
+
+@pytest.mark.parametrize("size", [2e-4, 1e-3])
+def test_a_tool_that_rings_after_its_move_leaves_the_decay(size: float) -> None:
+    rng = np.random.default_rng(9)
+    time, pcp, tcp, ended = simulate_move()
+    since = np.maximum(time - ended, 0)
+    tcp[:, 0] += size * np.exp(-6 * since) * np.sin(2 * np.pi * 36 * since)
+    track, clean = make_tracks(time, noisy(pcp, rng), noisy(tcp, rng))
+    window = find_window(track, clean)
+    assert ended - 0.005 < window.start_s < ended + 0.6
+    found = identify_modes(track, window).estimate.natural_frequency_hz
+    assert found is not None
+    assert abs(found.value - FREQUENCY_HZ) < 4 * found.std
+
+
+def test_a_second_body_that_dies_soon_is_waited_for() -> None:
+    rng = np.random.default_rng(10)
+    time, pcp = swing(0.3, 4.0)
+    pcp[:, 0] += 0.004 * np.exp(-5 * time) * np.sin(2 * np.pi * 9 * time)
+    window = find_window(*make_tracks(time, noisy(pcp, rng)))
+    assert 0.1 < window.start_s < 1.0
+    assert window.end_s > 3.9
+
+
+def test_a_contact_ends_the_window() -> None:
+    rng = np.random.default_rng(11)
+    time, pcp = swing(0.3, 4.0)
+    pcp[time > 2.0, 0] = np.minimum(pcp[time > 2.0, 0], 0.002)  # the wall of a box
+    window = find_window(*make_tracks(time, noisy(pcp, rng)))
+    assert window.start_s < 0.1
+    assert 1.7 < window.end_s < 2.5
 
 
 @pytest.mark.parametrize("kind", ["white", "constant", "ramp", "two samples", "all missing", "pushed"])

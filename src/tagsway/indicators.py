@@ -4,6 +4,7 @@ import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.filters import find_track_spikes, fit_tag_splines
+from tagsway.filters.moves import find_moves
 from tagsway.model import (
     GRAVITY_M_S2,
     BoolArray,
@@ -22,12 +23,6 @@ SETTLED = 0.02
 
 LEAST_TRAVEL_M = 5e-3
 """A tool that went less far did not move."""
-
-MOVING = 0.01
-"""Share of its top speed above which a tool moves."""
-
-REST_S = 0.2
-"""A tool that stands so long has ended its move."""
 
 
 def measure_indicators(
@@ -53,10 +48,13 @@ def measure_indicators(
     """
     if clean.tcp is None or track.length_unit != "m":
         return None
-    moving = find_move(clean.time_s, clean.tcp.position, clean.tcp.velocity, window)
+    moving = find_last_move(clean, window)
     if moving is None:
         return None
     used = (clean.time_s >= moving.start_s) & (clean.time_s <= window.end_s)
+    path = clean.tcp.position[used & np.isfinite(clean.tcp.position).all(axis=1)]
+    if not np.linalg.norm(path[-1] - path[0]) > LEAST_TRAVEL_M:
+        return None
     if not np.isfinite(clean.pcp.position[used]).all(axis=1).any():
         return None
     horizontal_std, vector_std = _peak_errors(track, clean, used)
@@ -149,40 +147,14 @@ def indicators_of(
     )
 
 
-def find_move(time_s: FloatArray, tcp_m: FloatArray, velocity_m_s: FloatArray, window: Window) -> Window | None:
-    """Find the tool's last motion before a free vibration.
-
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-        Of the track.
-    tcp_m, velocity_m_s : ndarray, shape (n, 2)
-        Position and velocity of the tool, cleaned; NaN where not known.
-    window : Window
-        The free vibration.
-
-    Returns
-    -------
-    Window or None
-        From the first to the last instant at which the tool is faster than a hundredth of its top speed, or than
-        what it still shows in the free vibration; None where it travels less than 5 mm.
-    """
-    speed = np.linalg.norm(velocity_m_s, axis=1)
-    known = np.isfinite(speed)
-    before, free = known & (time_s <= window.start_s), known & (time_s > window.start_s) & (time_s <= window.end_s)
-    if np.count_nonzero(before) < 2:
+def find_last_move(clean: CleanTrack, window: Window) -> Window | None:
+    """Return the tool's last move before a free vibration, cut where that begins."""
+    if clean.tcp is None:
         return None
-    rest = 4 * float(np.median(speed[free])) if free.any() else 0.0
-    index = np.flatnonzero(before & (speed > max(MOVING * float(speed[before].max()), rest)))
-    if len(index) < 2:
-        return None
-    pauses = np.flatnonzero(np.diff(time_s[index]) > REST_S)
-    first = index[pauses[-1] + 1] if len(pauses) else index[0]
-    last = index[-1]
-    if last <= first or not np.linalg.norm(tcp_m[last] - tcp_m[first]) > LEAST_TRAVEL_M:
-        return None
-    start, end = max(first - 1, 0), min(last + 1, len(time_s) - 1)
-    return Window(start_s=float(time_s[start]), end_s=float(time_s[end]))
+    for move in reversed(find_moves(clean.time_s, clean.tcp.position, clean.tcp.velocity, least=LEAST_TRAVEL_M)):
+        if move.start_s < window.start_s:
+            return Window(start_s=move.start_s, end_s=min(move.end_s, window.start_s))
+    return None
 
 
 def _resting_place(time_s: FloatArray, pcp_m: FloatArray, end_s: float) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from tagsway import __version__
-from tagsway.cli import calibrate, identify, render, shape, tags
+from tagsway.cli import calibrate, identify, impulse, plan, render, shape, tags
 from tagsway.errors import InputError, NotIdentifiableError, TagswayError
 
 DONE, OTHER, UNUSABLE, NOT_DETERMINED = 0, 1, 2, 3
@@ -46,6 +46,8 @@ app.command("render")(render.render)
 app.command("shaper")(shape.shaper)
 app.command("tags")(tags.tags)
 app.command("trajectory")(shape.trajectory)
+app.command("impulse")(impulse.impulse)
+app.command("plan")(plan.plan)
 
 SUBCOMMANDS = frozenset(str(command.name) for command in app.registered_commands)
 

@@ -45,6 +45,7 @@ def run(
     overlay: Annotated[
         bool, typer.Option("--overlay", help="Write overlay.mp4: the video with what was seen in it.")
     ] = False,
+    log: Annotated[Path | None, typer.Option(help="The controller's log: its tool moves the pivot.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the summary.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -65,6 +66,7 @@ def run(
         frequency_spread_percent=frequency_spread,
         columns=None if columns is None else _columns(columns),
         shaper=shaper,
+        log=None if log is None else str(log),
     )
     if out is not None and not out.strip():
         raise InputError("--out is empty: expected a folder for the results")

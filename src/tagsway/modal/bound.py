@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tagsway.modal.decay import ALPHA, COSINE, OFFSET, OMEGA, SINE, Terms, predict
+from tagsway.modal.decay import ALPHA, COSINE, OFFSET, OMEGA, PLACES, SINE, Terms, predict
 from tagsway.model import Bound, FloatArray
 
 
@@ -38,7 +38,7 @@ def find_bound(
     Cov = σ² (JᵀJ)⁻¹ of (ω_d, α, two amplitudes, offset), mapped to (f_n, ζ).
     """
     omega_n = 2 * np.pi * natural_frequency_hz
-    p = np.zeros(8)
+    p = np.zeros(PLACES)
     p[OMEGA], p[ALPHA] = omega_n * np.sqrt(1 - damping_ratio**2), omega_n * damping_ratio
     p[COSINE], p[SINE] = amplitude * np.cos(phase_rad), -amplitude * np.sin(phase_rad)
     rows = predict(time_s, p, Terms())[1][:, [OMEGA, ALPHA, COSINE, SINE, OFFSET]]
@@ -48,23 +48,31 @@ def find_bound(
     return Bound(natural_frequency_hz=float(np.sqrt(mapped[0, 0])), damping_ratio=float(np.sqrt(mapped[1, 1])))
 
 
-def to_modal(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+def to_modal(p: FloatArray, *, mode: int = 0) -> tuple[FloatArray, FloatArray]:
     """Return (f_n, ζ) of these parameters, and their derivatives.
 
     Parameters
     ----------
-    p : ndarray, shape (8,)
+    p : ndarray, shape (10 + 4 k,)
         Parameters in the order of `tagsway.modal.decay`.
+    mode : int
+        0 is the first, and so on.
 
     Returns
     -------
     value : ndarray, shape (2,)
         f_n in Hz and ζ.
-    jacobian : ndarray, shape (2, 8)
+    jacobian : ndarray, shape (2, 10 + 4 k)
     """
-    omega, alpha = p[OMEGA], p[ALPHA]
+    at = pole_places(mode)
+    omega, alpha = p[at]
     natural = np.hypot(omega, alpha)
-    jacobian = np.zeros((2, 8))
-    jacobian[0, [OMEGA, ALPHA]] = omega / natural / (2 * np.pi), alpha / natural / (2 * np.pi)
-    jacobian[1, [OMEGA, ALPHA]] = -alpha * omega / natural**3, omega**2 / natural**3
+    jacobian = np.zeros((2, len(p)))
+    jacobian[0, at] = omega / natural / (2 * np.pi), alpha / natural / (2 * np.pi)
+    jacobian[1, at] = -alpha * omega / natural**3, omega**2 / natural**3
     return np.array([natural / (2 * np.pi), alpha / natural]), jacobian
+
+
+def pole_places(mode: int) -> list[int]:
+    """Return where ω_d and α of a mode are; its two amplitudes follow them."""
+    return [OMEGA, ALPHA] if mode == 0 else [PLACES + 4 * (mode - 1), PLACES + 4 * (mode - 1) + 1]

@@ -1,14 +1,92 @@
 """The estimators that were asked for, beside the one that decides."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from tagsway.modal.bound import to_modal
 from tagsway.modal.decay import ALPHA, OMEGA
 from tagsway.modal.delta import centre, estimate_of
 from tagsway.modal.least_squares import DecayFit, Samples
-from tagsway.modal.peaks import Peaks, find_peaks, measure_decay_rate, measure_period
-from tagsway.modal.spectrum import find_peaks_of, find_spectrum, find_spectrum_peak
+from tagsway.modal.peaks import Peaks, find_peaks, measure_decay_rate, measure_decrement, measure_period
+from tagsway.modal.spectrum import find_peaks_of, find_spectrum, find_spectrum_peak, measure_half_power
 from tagsway.model import Estimate, Estimates, EstimatorResult, FloatArray, SpectrumCurve
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatorDetails:
+    """How the estimators that were asked for were made, for a panel that shows them.
+
+    Parameters
+    ----------
+    spectrum_window : str
+        Of the transform.
+    spectrum_resolution_hz : float
+        Two frequencies closer than this are one peak, however far it is padded.
+    spectrum_bin_hz : float
+        Distance of two points of the padded transform.
+    half_power : EstimatorResult
+        Peak of the padded spectrum without a window, and ζ = Δf / (2 f) from its width at 1/√2; the record's own
+        length widens it, so ζ is an upper bound. Errors: the bin, and how far it is off on the fitted curve itself.
+    decrement_cycles : int
+        n of the next; 0 where there are too few peaks.
+    decrement_over_cycles : EstimatorResult
+        From the first peak-to-peak swing and the one n cycles later alone, δ = ln(s_0 / s_n) / n.
+    """
+
+    spectrum_window: str
+    spectrum_resolution_hz: float
+    spectrum_bin_hz: float
+    half_power: EstimatorResult
+    decrement_cycles: int
+    decrement_over_cycles: EstimatorResult
+
+
+def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> EstimatorDetails:
+    """Return how fine the spectrum is, and the two estimators that are only shown for comparison.
+
+    Parameters
+    ----------
+    samples : Samples
+        What was fitted.
+    fit : DecayFit
+        Of these samples.
+    peaks : Peaks
+        Of the same.
+
+    Returns
+    -------
+    EstimatorDetails
+    """
+    span = float(samples.time_s[-1] - samples.time_s[0])
+    curve = find_spectrum(samples.time_s, centre(samples, fit))
+    (frequency, damping), _ = to_modal(fit.parameters)
+    nothing = EstimatorResult(natural_frequency_hz=None, damping_ratio=None)
+    half = measure_half_power(samples.time_s, centre(samples, fit), near_hz=frequency)
+    clean = measure_half_power(samples.time_s, centre(samples, fit) - fit.residual, near_hz=frequency)
+    cycles, rate = measure_decrement(peaks, noise=fit.scale)
+    return EstimatorDetails(
+        spectrum_window="Hann",
+        spectrum_resolution_hz=2 / span,
+        spectrum_bin_hz=float(curve.frequency_hz[1]),
+        half_power=nothing
+        if half is None or clean is None
+        else EstimatorResult(
+            natural_frequency_hz=_with_bias(
+                Estimate.normal(half[0], half[2]), Estimate.normal(clean[0], half[2]), frequency
+            ),
+            damping_ratio=_with_bias(
+                Estimate.normal(half[1], half[2] / half[0]), Estimate.normal(clean[1], half[2] / half[0]), damping
+            ),
+        ),
+        decrement_cycles=cycles,
+        decrement_over_cycles=EstimatorResult(
+            natural_frequency_hz=None,
+            damping_ratio=None
+            if rate is None
+            else Estimate.normal(rate.value / float(np.hypot(2 * np.pi, rate.value)), rate.std / (2 * np.pi), low=0.0),
+        ),
+    )
 
 
 def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estimates:

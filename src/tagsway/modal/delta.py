@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from tagsway.modal.bound import to_modal
-from tagsway.modal.decay import DRAG, OFFSET, OMEGA, SLOPE, SOFTENING
+from tagsway.modal.decay import DRAG, FRICTION, OFFSET, OMEGA, SLOPE, SOFTENING
 from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.model import Estimate, FloatArray
 
@@ -28,9 +28,9 @@ def centre(samples: Samples, fit: DecayFit) -> FloatArray:
 
 
 def estimate_of(fit: DecayFit, value: float, gradient: FloatArray, *, low: float = -np.inf) -> Estimate:
-    """Return an estimate by the delta method, with Student's interval for the freedom that is left."""
+    """Return an estimate by the delta method, with Student's interval for how well the noise is known."""
     std = float(np.sqrt(max(float(gradient @ fit.covariance @ gradient), 0.0)))
-    half = float(student_t.ppf(0.975, fit.freedom)) * std
+    half = float(student_t.ppf(0.975, fit.error_freedom)) * std
     ends = float(max(value - half, low)), float(max(value + half, low))
     return Estimate(value=float(max(value, low)), std=std, ci95=ends)
 
@@ -46,10 +46,12 @@ def frequency_at(fit: DecayFit, square: float) -> tuple[float, FloatArray]:
 
 
 def damping_at(fit: DecayFit, relative: float) -> tuple[float, FloatArray]:
-    """Return ζ at a relative amplitude, and its derivatives."""
+    """Return ζ at a relative amplitude, and its derivatives: viscous, drag and friction together."""
     value, jacobian = to_modal(fit.parameters)
     natural = float(2 * np.pi * value[0])
     gradient = jacobian[1].copy()
+    extra = fit.parameters[DRAG] * relative + fit.parameters[FRICTION] / relative
     gradient[DRAG] += relative / natural
-    gradient[OMEGA] -= fit.parameters[DRAG] * relative / natural**2
-    return float(value[1] + fit.parameters[DRAG] * relative / natural), gradient
+    gradient[FRICTION] += 1 / (relative * natural)
+    gradient[OMEGA] -= extra / natural**2
+    return float(value[1] + extra / natural), gradient

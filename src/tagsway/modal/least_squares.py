@@ -1,86 +1,34 @@
 """Robust least squares of a decay on the raw samples: the estimator that decides."""
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student_t
 
-from tagsway.modal.decay import ALPHA, COSINE, DRAG, OFFSET, OMEGA, SINE, SLOPE, SOFTENING, Terms, predict
-from tagsway.modal.noise import Colour, find_colour, grid_places
+from tagsway.modal.decay import (
+    ALPHA,
+    COSINE,
+    DRAG,
+    FRICTION,
+    GAIN,
+    OFFSET,
+    OMEGA,
+    PLACES,
+    SINE,
+    SLOPE,
+    SOFTENING,
+    Terms,
+    envelope,
+    predict,
+)
+from tagsway.modal.samples import DecayFit, Samples, Softening
 from tagsway.modal.sway import MAD_TO_STD
+from tagsway.modal.uncertainty import SOFT, judge_fit
 from tagsway.model import FloatArray
 
-SOFT = 1.5
-"""Where soft-L1 turns from squares to absolute values, in standard deviations: 97 % efficient on normal noise."""
+__all__ = ["DecayFit", "Samples", "Softening", "extend", "fit_decay", "fit_linear_part", "misfit", "solve"]
 
 WORTH = 20.0
 """Square of the standard errors by which a further term must stand out: one false term in 100 000 is rare enough."""
-
-
-SCATTER_OF_SCALE = 3.0
-"""Of a scale from a median absolute deviation, times the root of the samples: 2.6 of its standard errors (1.16)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Samples:
-    """What is fitted.
-
-    Parameters
-    ----------
-    time_s, value, spread : ndarray, shape (n,)
-        Times from the window's start, values, and each one's relative standard error.
-    stated : float
-        Standard error of the median sample as its source states it; 0 where it states none.
-    """
-
-    time_s: FloatArray
-    value: FloatArray
-    spread: FloatArray
-    stated: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Softening:
-    """What geometry says of the softening before the fit: a normal prior."""
-
-    mean: float
-    std: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DecayFit:
-    """A fitted decay.
-
-    Parameters
-    ----------
-    parameters : ndarray, shape (8,)
-        In the order of `tagsway.modal.decay`.
-    terms : Terms
-        Which of them were fitted.
-    residual : ndarray, shape (n,)
-        In the signal's unit.
-    scale : float
-        Standard deviation of the median sample's noise, spikes left aside.
-    covariance : ndarray, shape (8, 8)
-        With the residual's colour paid for; zero where nothing was fitted.
-    bound : ndarray, shape (8, 8)
-        Cramér-Rao bound for white noise of this scale.
-    inflation : float
-        The residual's power density at ω_d over that of white noise.
-    freedom : float
-        Degrees of freedom that the colour leaves.
-    deviance : float
-        Robust -2 ln likelihood but for a constant, at `scale` of the first model.
-    """
-
-    parameters: FloatArray
-    terms: Terms
-    residual: FloatArray
-    scale: float
-    covariance: FloatArray
-    bound: FloatArray
-    inflation: float
-    freedom: float
-    deviance: float
 
 
 def fit_linear_part(samples: Samples, omega: float, alpha: float) -> tuple[FloatArray, float]:
@@ -95,7 +43,7 @@ def fit_linear_part(samples: Samples, omega: float, alpha: float) -> tuple[Float
 
     Returns
     -------
-    parameters : ndarray, shape (8,)
+    parameters : ndarray, shape (10 + 4 k,)
     scale : float
         Median absolute residual, as a standard deviation.
     """
@@ -110,7 +58,7 @@ def fit_linear_part(samples: Samples, omega: float, alpha: float) -> tuple[Float
         if not scale > 0:
             break
         weight = (1 + (residual / (SOFT * scale)) ** 2) ** -0.25 / samples.spread
-    p = np.zeros(8)
+    p = np.zeros(PLACES)
     p[[OMEGA, ALPHA, COSINE, SINE, OFFSET]] = [omega, alpha, *linear]
     return p, scale
 
@@ -124,7 +72,7 @@ def solve(
     ----------
     samples : Samples
         What is fitted.
-    start : ndarray, shape (8,)
+    start : ndarray, shape (10 + 4 k,)
         Parameters near the solution.
     terms : Terms
         Which of them are free.
@@ -135,7 +83,7 @@ def solve(
 
     Returns
     -------
-    parameters : ndarray, shape (8,)
+    parameters : ndarray, shape (10 + 4 k,)
     deviance : float
         Twice the cost over the variance.
     """
@@ -143,19 +91,26 @@ def solve(
     known = prior if prior is not None and prior.std > 0 and terms.softening else None
 
     def look(p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        value, rows = predict(samples.time_s, p, terms)
+        value, rows = predict(samples.time_s, p, terms, samples.drive)
         left, rows = (value - samples.value) / samples.spread / scale, rows[:, free] / samples.spread[:, None] / scale
         if known is not None:
             left = np.append(left, (p[SOFTENING] - known.mean) / known.std)
             rows = np.vstack([rows, np.eye(1, len(free), free.index(SOFTENING)) / known.std])
         return left, rows
 
+    n = len(samples.value)
+
+    def cost(left: FloatArray) -> float:
+        # What is known before is no sample: it has no spikes.
+        return _soft(left[:n]) + float(left[n:] @ left[n:])
+
     # Levenberg-Marquardt on the iteratively reweighted squares; the columns' own lengths are the damping's scale.
     p, damping = start.copy(), 1e-3
     left, rows = look(p)
-    deviance = _soft(left)
-    for _ in range(100):
+    deviance = cost(left)
+    for _ in range(50):
         weight = (1 + (left / SOFT) ** 2) ** -0.5
+        weight[n:] = 1.0
         unit = np.linalg.norm(rows, axis=0)
         unit[unit == 0] = 1.0
         scaled = rows / unit
@@ -164,7 +119,7 @@ def solve(
         trial = p.copy()
         trial[free] += step / unit
         new_left, new_rows = look(trial)
-        new = _soft(new_left)
+        new = cost(new_left)
         if not new <= deviance:
             damping *= 8
             if damping > 1e8:
@@ -197,96 +152,35 @@ def fit_decay(
 
     Notes
     -----
-    Soft-L1 on the samples as they are (a gap is a gap) leaves 1 % of spikes almost without effect. The covariance is
-    the sandwich H⁻¹ (Jᵀ R J) H⁻¹ with R the autoregressive covariance of the bounded residuals, so that coloured noise
-    is paid for at the frequencies where each parameter listens.
-
-    Noise beyond what the tracker states comes from the video's compression, and a codec does not only add noise: it
-    drags what moves. An oscillation with the sway's own phase and a constant amplitude of that excess is therefore
-    added to the errors; no residual shows it, since the fit follows it.
+    Soft-L1 on the samples as they are (a gap is a gap) leaves 1 % of spikes almost without effect.
     """
     dof = max(len(samples.value) - len(terms.free), 1)
     for _ in range(2):
         p, deviance = solve(samples, start, terms, scale=scale, prior=prior)
-        left = samples.value - predict(samples.time_s, p, terms)[0]
+        left = samples.value - predict(samples.time_s, p, terms, samples.drive)[0]
         found = MAD_TO_STD * float(np.median(np.abs(left / samples.spread))) * np.sqrt(len(left) / dof)
         floor = 1e-9 * float(np.hypot(p[COSINE], p[SINE])) + 1e-300
         close = abs(found - scale) < 0.02 * scale
         start, scale = p, max(found, floor)
         if close:
             break
-    return _with_errors(samples, p, terms, scale=scale, prior=prior, deviance=deviance)
+    return judge_fit(samples, p, terms, scale=scale, prior=prior, deviance=deviance)
 
 
-def _with_errors(
-    samples: Samples, p: FloatArray, terms: Terms, *, scale: float, prior: Softening | None, deviance: float
-) -> DecayFit:
-    value, every = predict(samples.time_s, p, terms)
-    free = terms.free
-    residual = samples.value - value
-    rows = every[:, free] / samples.spread[:, None] / scale
-    unit = np.linalg.norm(rows, axis=0)
-    unit[unit == 0] = 1.0
-    rows = rows / unit
-    reduced = residual / samples.spread / scale
-    bend = 1 + (reduced / SOFT) ** 2
-    place = grid_places(samples.time_s)
-    colour = find_colour(reduced / np.sqrt(bend), place, fitted=len(free))
-    slope = float(np.mean(bend**-1.5))
-    known = np.zeros((len(free), len(free)))
-    if prior is not None and prior.std > 0 and terms.softening:
-        k = free.index(SOFTENING)
-        known[k, k] = (prior.std * unit[k]) ** -2
-    information = rows.T @ rows
-    bread = np.linalg.pinv(slope * information + known, rcond=1e-14)
-    spread_of = bread @ (colour.meat(rows, place) + known) @ bread
-    inflation = float(colour.density(p[OMEGA] * _step(samples.time_s, place)))
-    whole = np.ix_(free, free)
+FADED = 0.7
+"""Part of the amplitude that may be left where a softening is to be found without an arc that tells it."""
 
-    def scaled(matrix: FloatArray) -> FloatArray:
-        return np.asarray(matrix / unit[:, None] / unit[None, :], dtype=float)
-
-    dragged = bread @ rows.T @ (_dragged(samples, p, every, scale) / samples.spread[:, None] / scale)
-    covariance, bound = np.zeros((8, 8)), np.zeros((8, 8))
-    covariance[whole] = scaled(spread_of + dragged @ dragged.T)
-    bound[whole] = scaled(np.linalg.pinv(information + known, rcond=1e-14))
-    return DecayFit(
-        parameters=p,
-        terms=terms,
-        residual=residual,
-        scale=scale,
-        covariance=covariance,
-        bound=bound,
-        inflation=inflation,
-        freedom=max(_independent(colour, len(residual)) - len(free), 1.0),
-        deviance=deviance,
-    )
+TRIED = (SLOPE, DRAG, FRICTION, SOFTENING, GAIN)
+"""Places of the terms that are looked for."""
 
 
-def _dragged(samples: Samples, p: FloatArray, jacobian: FloatArray, scale: float) -> FloatArray:
-    """Return the oscillation that compression may have added, in phase with the sway and across it, shape (n, 2)."""
-    size, surely = float(np.hypot(p[COSINE], p[SINE])), scale * (1 - SCATTER_OF_SCALE / np.sqrt(len(samples.value)))
-    if not (samples.stated > 0 and surely > samples.stated and size > 0):
-        return np.zeros((len(samples.value), 2))
-    excess = np.sqrt(scale**2 - samples.stated**2)
-    cosine, sine = jacobian[:, COSINE], jacobian[:, SINE]
-    both = np.column_stack([p[COSINE] * cosine + p[SINE] * sine, p[COSINE] * sine - p[SINE] * cosine]) / size
-    length = np.hypot(*both.T)[:, None]
-    return np.asarray(excess * both / np.maximum(length, 1e-300), dtype=float)
-
-
-def _step(time_s: FloatArray, place: np.ndarray) -> float:
-    return float((time_s[-1] - time_s[0]) / max(int(place[-1]), 1))
-
-
-def _independent(colour: Colour, n: int) -> float:
-    """Return how many independent samples hold as much as these n: n (∫S)² / ∫S² by Bartlett."""
-    density = colour.density(np.linspace(0, np.pi, 257))
-    return n * float(np.mean(density)) ** 2 / float(np.mean(density**2))
+def misfit(samples: Samples, fit: DecayFit, *, scale: float) -> float:
+    """Return the robust -2 ln likelihood of a fit, but for a constant, were the noise of this scale."""
+    return _soft(fit.residual / samples.spread / scale)
 
 
 def extend(samples: Samples, fit: DecayFit, *, prior: Softening | None = None, straight: bool = False) -> DecayFit:
-    """Add the terms that stand out of the noise: drift, drag, and softening where geometry gives none.
+    """Add the terms that stand out of the noise: drift, drag, friction, a moving suspension, and softening.
 
     Parameters
     ----------
@@ -303,20 +197,96 @@ def extend(samples: Samples, fit: DecayFit, *, prior: Softening | None = None, s
     -------
     DecayFit
         The same where nothing more is seen.
+
+    Notes
+    -----
+    Each step adds the one term that lowers the misfit most, of those whose parameter stands out of its error with the
+    residual's colour paid for. All have one parameter, so an information criterion would order them alike.
     """
-    for place in (SLOPE, SOFTENING, DRAG, SLOPE):
-        few = len(samples.value) < 4 * (len(fit.terms.free) + 1)
-        if few or place in fit.terms.free or (straight and place == SOFTENING):
-            continue
-        trial = replace(
-            fit.terms,
-            slope=fit.terms.slope or place == SLOPE,
-            softening=fit.terms.softening or place == SOFTENING,
-            drag=fit.terms.drag or place == DRAG,
-        )
-        more = fit_decay(samples, fit.parameters, trial, scale=fit.scale, prior=prior)
-        # Drag takes energy away; and a softening beyond 0.3 is outside of the expansion.
-        sensible = more.parameters[DRAG] >= 0 and abs(more.parameters[SOFTENING]) < 0.3
-        if sensible and more.parameters[place] ** 2 > WORTH * more.covariance[place, place]:
-            fit = more
-    return fit
+    barred = {SOFTENING} if straight else set()
+    if samples.drive is None:
+        barred.add(GAIN)
+    if prior is None and not _fades(samples, fit):
+        barred.add(SOFTENING)
+    while len(samples.value) >= 4 * (len(fit.terms.free) + 1):
+        trials = []
+        for place in _promising(samples, fit, barred):
+            more = fit_decay(samples, fit.parameters, fit.terms.with_place(place), scale=fit.scale, prior=prior)
+            if _sensible(more) and _stands_out(more, place):
+                trials.append(more)
+        if not trials:
+            break
+        scale = min(more.scale for more in trials)
+        fit = min(trials, key=lambda more: misfit(samples, more, scale=scale))
+    # A residual that swings with the sway much more than noise would: two terms may be missing.
+    hidden = fit.inflation > 10
+    return _prune(samples, fit, barred, prior) if hidden and len(samples.value) > 60 else fit
+
+
+def _promising(samples: Samples, fit: DecayFit, barred: set[int]) -> list[int]:
+    """Return the places of the terms that would stand out of white noise: a fit of the others is not worth its time.
+
+    A score test: what of the residual lies along the term's derivative, outside of those that are fitted.
+    """
+    places = [k for k in TRIED if k not in fit.terms.free and k not in barred]
+    every = predict(samples.time_s, fit.parameters, fit.terms.with_place(SOFTENING), samples.drive)[1]
+    every = every / samples.spread[:, None] / fit.scale
+    every = every / np.maximum(np.linalg.norm(every, axis=0), 1e-300)
+    basis = np.linalg.qr(every[:, fit.terms.free])[0]
+    left = fit.residual / samples.spread / fit.scale
+    bend = 1 + (left / SOFT) ** 2
+    left = left / np.sqrt(bend) / float(np.mean(bend**-1.5))
+    outside = every[:, places] - basis @ (basis.T @ every[:, places])
+    gain = (left @ outside) ** 2 / np.maximum(np.sum(outside**2, axis=0), 1e-20)
+    return [k for k, g in zip(places, gain, strict=True) if g > WORTH / 3]
+
+
+def _prune(samples: Samples, fit: DecayFit, barred: set[int], prior: Softening | None) -> DecayFit:
+    """Return the fit with every term but those that do not stand out, where that leaves clearly less.
+
+    What two missing terms leave colours the residual, and so hides each of them from a search one by one.
+    """
+    terms = fit.terms
+    for place in TRIED:
+        terms = terms if place in barred else terms.with_place(place)
+    more = fit_decay(samples, fit.parameters, terms, scale=fit.scale, prior=prior)
+    while True:
+        extra = [k for k in TRIED if k in more.terms.free and k not in fit.terms.free]
+        ratio = {k: more.parameters[k] ** 2 / max(more.covariance[k, k], 1e-30) for k in extra}
+        bad = [k for k in extra if k in (DRAG, FRICTION) and more.parameters[k] < 0] or [
+            k for k in extra if not ratio[k] > _needed(more)
+        ]
+        if not bad:
+            break
+        worst = min(bad, key=lambda k: ratio[k])
+        p = more.parameters.copy()
+        p[worst] = 0.0
+        more = fit_decay(samples, p, more.terms.without_place(worst), scale=more.scale, prior=prior)
+    few = len(more.terms.free) - len(fit.terms.free)
+    gain = misfit(samples, fit, scale=more.scale) - misfit(samples, more, scale=more.scale)
+    share = more.freedom / len(samples.value)
+    return more if few and _sensible(more) and share * gain > few * WORTH else fit
+
+
+def _stands_out(fit: DecayFit, place: int) -> bool:
+    return bool(fit.parameters[place] ** 2 > _needed(fit) * fit.covariance[place, place])
+
+
+def _needed(fit: DecayFit) -> float:
+    """Return the square of the standard errors that is as rare as WORTH, the noise being known by so little."""
+    return float(student_t.isf(norm.sf(np.sqrt(WORTH)), fit.error_freedom)) ** 2
+
+
+def _sensible(fit: DecayFit) -> bool:
+    """All damping takes energy away, and a softening beyond 0.3 is outside of the expansion."""
+    p = fit.parameters
+    if (fit.terms.drag or fit.terms.friction) and p[ALPHA] < -3 * np.sqrt(fit.covariance[ALPHA, ALPHA]):
+        return False
+    return bool(p[DRAG] >= 0 and p[FRICTION] >= 0 and abs(p[SOFTENING]) < 0.3)
+
+
+def _fades(samples: Samples, fit: DecayFit) -> bool:
+    """Say whether the amplitude falls enough to show what depends on it: else a small swing is far extrapolated."""
+    p = fit.parameters
+    left = envelope(samples.time_s[-1:], p[ALPHA], p[DRAG], p[FRICTION])[0]
+    return float(left[0]) < FADED

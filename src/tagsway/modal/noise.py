@@ -21,11 +21,14 @@ class Colour:
         Of the residual.
     innovation : float
         Variance of the white part.
+    count : int
+        Samples that it was found from.
     """
 
     coefficients: FloatArray
     variance: float
     innovation: float
+    count: int
 
     def density(self, turn_rad: FloatArray | float) -> FloatArray:
         """Return the power density over that of white noise of the same variance.
@@ -45,6 +48,31 @@ class Colour:
         lags = np.arange(1, len(self.coefficients) + 1)
         gain = 1 - np.exp(-1j * np.multiply.outer(turn_rad, lags)) @ self.coefficients
         return np.asarray(self.innovation / self.variance / np.abs(gain) ** 2, dtype=float)
+
+    def freedom_at(self, turn_rad: float) -> float:
+        """Return the degrees of freedom of the power density there, 2 / var(ln S): how well it is known."""
+        a, order = self.coefficients, len(self.coefficients)
+        if order == 0 or not self.innovation > 0:
+            return float(self.count)
+        kernel = np.exp(-1j * turn_rad * np.arange(1, order + 1))
+        slope = 2 * (kernel / (1 - kernel @ a)).real
+        # The asymptotic covariance of the coefficients is Γ⁻¹ times the innovation's variance over n.
+        turns = np.linspace(0, np.pi, 4097)
+        density = self.density(turns) * self.variance
+        lags = np.array([np.trapezoid(density * np.cos(k * turns), turns) / np.pi for k in range(order)])
+        try:
+            spread = float(slope @ solve_toeplitz(lags, slope)) * self.innovation
+        except np.linalg.LinAlgError:
+            return 1.0
+        return 2 * self.count / (max(spread, 0.0) + 2)
+
+    def spread_over(self, rows: FloatArray) -> FloatArray:
+        """Return Σ times these rows on the even grid, shape (n, p)."""
+        size = 1 << int(np.ceil(np.log2(3 * len(rows))))
+        turns = np.asarray(2 * np.pi * np.fft.rfftfreq(size), dtype=float)
+        density = self.density(turns) * self.variance
+        whole = np.fft.irfft(np.fft.rfft(rows, size, axis=0) * density[:, None], size, axis=0)
+        return np.asarray(whole[: len(rows)], dtype=float)
 
     def meat(self, rows: FloatArray, place: IntArray) -> FloatArray:
         """Return Jᵀ R J with R the residual's covariance.
@@ -89,7 +117,7 @@ def grid_places(time_s: FloatArray) -> IntArray:
     return np.arange(len(time_s), dtype=np.int64)
 
 
-def find_colour(residual: FloatArray, place: IntArray, *, fitted: int = 0) -> Colour:
+def find_colour(residual: FloatArray, place: IntArray, rows: FloatArray) -> Colour:
     """Fit an autoregression to a residual with gaps.
 
     Parameters
@@ -98,8 +126,8 @@ def find_colour(residual: FloatArray, place: IntArray, *, fitted: int = 0) -> Co
         At the samples that exist.
     place : ndarray of int, shape (n,)
         Their places on an even grid.
-    fitted : int
-        Parameters that were fitted to make this residual; they took their share of the variance.
+    rows : ndarray, shape (n, p)
+        Derivatives of the model that left this residual: the fit took its share of the noise along them.
 
     Returns
     -------
@@ -108,31 +136,67 @@ def find_colour(residual: FloatArray, place: IntArray, *, fitted: int = 0) -> Co
 
     Notes
     -----
-    Yule-Walker equations on the autocovariance of the pairs that exist.
+    Yule-Walker equations on the autocovariance of the pairs that exist. A fit takes most where coloured noise is
+    strongest, so the residual looks whiter than the noise was: E[r rᵀ] = (I - P) Σ (I - P), with P the projection on
+    the rows. What is missing is added, with Σ of the last colour, until it no longer changes.
     """
-    n = len(residual)
+    n, fitted = rows.shape
     variance = float(residual @ residual) / max(n - fitted, 1)
-    white = Colour(coefficients=np.empty(0), variance=variance, innovation=variance)
+    white = Colour(coefficients=np.empty(0), variance=variance, innovation=variance, count=n)
     order_most = min(20, n // 8)
     if order_most < 1 or not variance > 0:
         return white
-    grid, there = np.zeros(int(place[-1]) + 1), np.zeros(int(place[-1]) + 1)
+    length = int(place[-1]) + 1
+    grid, there = np.zeros(length), np.zeros(length)
     grid[place], there[place] = residual, 1.0
-    length = len(grid)
-    covariance = np.array([grid[k:] @ grid[: length - k] for k in range(order_most + 1)])
-    pairs = np.array([there[k:] @ there[: length - k] for k in range(order_most + 1)])
+    lags = np.arange(order_most + 1)
+    pairs = np.maximum([there[k:] @ there[: length - k] for k in lags], 1.0)
+    products = np.array([grid[k:] @ grid[: length - k] for k in lags])
     # Per pair, then tapered as the full record would be, which keeps the sequence positive definite.
-    covariance = covariance / np.maximum(pairs, 1) * (1 - np.arange(order_most + 1) / length)
+    covariance = products / pairs * (1 - lags / length)
     best, best_score = white, 0.0
     for order in range(1, order_most + 1):
-        try:
-            a = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
-        except np.linalg.LinAlgError:
+        colour = _yule_walker(covariance[: order + 1], n)
+        if colour is None:
             break
-        share = 1 - float(a @ covariance[1 : order + 1]) / covariance[0]
-        if not 0 < share <= 1 or np.max(np.abs(np.roots(np.concatenate([[1.0], -a]))), initial=0.0) >= 0.9999:
-            break
-        score = n * np.log(share) + order * np.log(n)
+        score = n * np.log(colour.innovation / colour.variance) + order * np.log(n)
         if score < best_score:
-            best, best_score = Colour(coefficients=a, variance=variance, innovation=variance * share), score
+            best, best_score = colour, score
+    order = len(best.coefficients)
+    if order == 0:
+        return white
+    basis = np.zeros((length, fitted))
+    basis[place] = np.linalg.qr(rows)[0]
+    for _ in range(6):
+        taken = _taken_by_the_fit(best, basis, there[:, None], order)
+        fuller = _yule_walker((products[: order + 1] + taken) / pairs[: order + 1], n)
+        if fuller is None:
+            break
+        best = fuller
     return best
+
+
+def _yule_walker(covariance: FloatArray, count: int) -> Colour | None:
+    order = len(covariance) - 1
+    try:
+        a = solve_toeplitz(covariance[:order], covariance[1:])
+    except np.linalg.LinAlgError:
+        return None
+    share = 1 - float(a @ covariance[1:]) / covariance[0]
+    if not 0 < share <= 1 or np.max(np.abs(np.roots(np.concatenate([[1.0], -a]))), initial=0.0) >= 0.9999:
+        return None
+    variance = float(covariance[0])
+    return Colour(coefficients=a, variance=variance, innovation=variance * share, count=count)
+
+
+def _taken_by_the_fit(colour: Colour, basis: FloatArray, there: FloatArray, order: int) -> FloatArray:
+    """Return the lag products that a residual lacks: of P Σ + Σ P - P Σ P, for orthonormal rows with gaps."""
+    coloured = colour.spread_over(basis) * there
+    inner = basis @ (basis.T @ coloured)
+    n = len(basis)
+    return np.array(
+        [
+            np.sum(basis[k:] * (coloured - inner)[: n - k]) + np.sum(coloured[k:] * basis[: n - k])
+            for k in range(order + 1)
+        ]
+    )

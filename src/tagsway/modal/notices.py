@@ -2,14 +2,25 @@
 
 import numpy as np
 
-from tagsway.modal.decay import COSINE, SINE
+from tagsway.modal.bound import pole_places
+from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE
+from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.delta import damping_at
 from tagsway.modal.least_squares import DecayFit
 from tagsway.modal.sway import Sway
 from tagsway.model import ModalEstimate, Notice
 
+CLOSE = 0.2
+"""Relative distance of two modes' frequencies below which they are called a beat."""
 
-def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway) -> tuple[Notice, ...]:
+DISAGREE = 4.0
+"""Standard errors of the difference beyond which two estimators disagree."""
+
+MISFIT = 0.005
+"""Part of the amplitude that a fit may leave, coloured, before it is called wrong."""
+
+
+def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool = False) -> tuple[Notice, ...]:
     """Return the warnings that a free decay deserves.
 
     Parameters
@@ -20,6 +31,8 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway) -> tuple[Notic
         Where they come from.
     sway : Sway
         What was fitted.
+    held : bool
+        Whether the decay contradicts the softening that the arc implies.
 
     Returns
     -------
@@ -45,6 +58,16 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway) -> tuple[Notic
         found.append(
             Notice(
                 code="few_cycles", message=f"only {modal.cycles:.1f} cycles of free vibration were seen: film longer"
+            )
+        )
+    found += _of_modes(modal, fit)
+    found += _of_estimators(modal)
+    if held:
+        found.append(
+            Notice(
+                code="softening_contradicts_arc",
+                message="the frequency changes along the record by more than the amplitude's fall explains: a clock, "
+                "a length or a camera that drifts; the arc's softening is taken for the small swing",
             )
         )
     if fit.inflation > 2:
@@ -73,13 +96,80 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway) -> tuple[Notic
                 f"{frequency.value:.4g} Hz for a small swing; a shaper is designed for the former",
             )
         )
-    if fit.terms.drag and damping is not None:
-        law = damping_at(fit, 1.0)[0], damping.value
+    if (fit.terms.drag or fit.terms.friction) and damping is not None:
+        first, last = damping_at(fit, 1.0)[0], damping_at(fit, max(_last(fit, modal), 0.05))[0]
+        cause = "falls with the amplitude, as drag's does" if first > last else "rises as the amplitude falls: friction"
         found.append(
             Notice(
                 code="damping_depends_on_amplitude",
-                message=f"damping falls with the amplitude, as drag's does: the ratio is {law[0]:.2g} at the window's "
-                f"start, {law[1]:.2g} extrapolated to a small swing",
+                message=f"damping {cause}: the ratio is {first:.2g} at the window's start, {last:.2g} at its end, "
+                f"{damping.value:.2g} its viscous part; a shaper is designed for the mean amplitude's",
+            )
+        )
+    size = float(np.hypot(*fit.parameters[[COSINE, SINE]]))
+    if fit.scale > MISFIT * size and fit.inflation > 5:
+        found.append(
+            Notice(
+                code="model_misfit",
+                message=f"the fit leaves {100 * fit.scale / size:.1f} % of the swing, and what it leaves swings with "
+                "it: this is no decay of that form (friction, a very large swing, or a vibration that is driven)",
             )
         )
     return tuple(found)
+
+
+def _last(fit: DecayFit, modal: ModalEstimate) -> float:
+    p = fit.parameters
+    span = np.array([modal.cycles * 2 * np.pi / p[OMEGA]])
+    return float(find_envelope(span, p[ALPHA], p[DRAG], p[FRICTION])[0][0])
+
+
+def _of_estimators(modal: ModalEstimate) -> list[Notice]:
+    """Say where an estimator that was asked for contradicts the one that decides; none of them is averaged."""
+    best, found = modal.estimates.maximum_likelihood, []
+    for name, one in (
+        ("the spectrum", modal.estimates.fft),
+        ("the periods", modal.estimates.periods),
+        ("the logarithmic decrement", modal.estimates.log_decrement),
+    ):
+        pairs = [("damping ratio", one.damping_ratio, best.damping_ratio)]
+        if name != "the logarithmic decrement":
+            pairs = [("frequency", one.natural_frequency_hz, best.natural_frequency_hz)]
+        for what, rival, decided in pairs:
+            if rival is None or decided is None:
+                continue
+            if abs(rival.value - decided.value) > DISAGREE * np.hypot(rival.std, decided.std):
+                found.append(
+                    Notice(
+                        code="estimators_disagree",
+                        message=f"{name} gives a {what} of {rival.value:.4g} ± {rival.std:.1g}, least squares "
+                        f"{decided.value:.4g} ± {decided.std:.1g}: look at the decay before you use either",
+                    )
+                )
+    return found
+
+
+def _of_modes(modal: ModalEstimate, fit: DecayFit) -> list[Notice]:
+    found = []
+    first = fit.parameters[OMEGA]
+    for mode, one in enumerate(modal.modes[1:], start=1):
+        omega = fit.parameters[pole_places(mode)[0]]
+        frequency, damping = one.natural_frequency_hz, one.damping_ratio
+        if abs(omega / first - 1) < CLOSE:
+            found.append(
+                Notice(
+                    code="beating",
+                    message=f"the swing beats: a second mode at {frequency.value:.5g} Hz (damping ratio "
+                    f"{damping.value:.2g}) is close to the first, as a sway out of the plane is; both were fitted, "
+                    "and the numbers are the larger one's",
+                )
+            )
+        else:
+            found.append(
+                Notice(
+                    code="further_mode",
+                    message=f"a further mode swings at {frequency.value:.4g} Hz (damping ratio {damping.value:.2g}): "
+                    "it was fitted along, and the first mode's numbers are free of it",
+                )
+            )
+    return found

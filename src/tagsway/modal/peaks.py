@@ -134,6 +134,36 @@ def measure_decay_rate(peaks: Peaks, *, noise: float) -> Estimate | None:
     return _slope_estimate(-line.slope, line.stderr, int(np.count_nonzero(large)))
 
 
+def measure_decrement(peaks: Peaks, *, noise: float) -> tuple[int, Estimate | None]:
+    """Return the logarithmic decrement from two swings n cycles apart, and n.
+
+    Parameters
+    ----------
+    peaks : Peaks
+        At least 4.
+    noise : float
+        Of a sample: a swing below 6 of it is left out; a peak's own error is taken as one of it.
+
+    Returns
+    -------
+    int
+        n, the most cycles between two swings that were seen; 0 where there are none.
+    Estimate or None
+        δ per cycle.
+    """
+    next_to = np.diff(peaks.number) == 1
+    swing, number = np.abs(np.diff(peaks.value)), peaks.number[:-1]
+    large = next_to & (swing > 6 * noise) & (swing > 0)
+    swing, number = swing[large], number[large]
+    whole = (number - number[0]) % 2 == 0 if len(number) else np.zeros(0, dtype=bool)
+    swing, number = swing[whole], number[whole]
+    if len(number) < 2:
+        return 0, None
+    cycles = round(float(number[-1] - number[0]) / 2)
+    error = float(np.hypot(noise / swing[0], noise / swing[-1])) * np.sqrt(2) / cycles
+    return cycles, Estimate.normal(float(np.log(swing[0] / swing[-1])) / cycles, error)
+
+
 def _slope_estimate(value: float, std: float, n: int) -> Estimate:
     half = float(student_t.ppf(0.975, n - 2)) * float(std)
     return Estimate(value=float(value), std=float(std), ci95=(float(value) - half, float(value) + half))

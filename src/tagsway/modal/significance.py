@@ -3,8 +3,9 @@
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.modal.decay import ALPHA, COSINE, OMEGA, SINE
+from tagsway.modal.decay import ALPHA, OMEGA
 from tagsway.modal.least_squares import DecayFit, Samples
+from tagsway.modal.modes import amplitude_significance
 
 NEEDED = 6.5
 """Standard errors by which the amplitude must exceed nothing: the search over poles and windows eats about five."""
@@ -46,11 +47,8 @@ def require_oscillation(fit: DecayFit, samples: Samples, *, where: str) -> None:
 
 
 def significance(fit: DecayFit) -> float:
-    """Return the amplitude over its standard error, the residual's colour paid for."""
-    both = [COSINE, SINE]
-    amplitude = fit.parameters[both]
-    precision = np.linalg.pinv(fit.covariance[np.ix_(both, both)], hermitian=True)
-    return float(np.sqrt(max(float(amplitude @ precision @ amplitude), 0.0)))
+    """Return the first mode's amplitude over its standard error, the residual's colour paid for."""
+    return amplitude_significance(fit)
 
 
 def cycles_seen(fit: DecayFit, samples: Samples) -> float:

@@ -6,10 +6,18 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import BoolArray, FloatArray, Track, Window
+from tagsway.model import BoolArray, FloatArray, IntArray, Track, Window
 
 MAD_TO_STD = 1.4826
 """A normal distribution's standard deviation over its median absolute deviation."""
+
+
+DRIVEN = 2.0
+"""Standard deviation of the tool's position over its noise from which its motion is tried as an input."""
+
+
+BEST_PERCENT = 2.0
+"""Of a record's samples: so many are as sure as the images alone allow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +33,8 @@ class Sway:
     spread : ndarray, shape (n,)
         Standard error of each sample over that of the median one.
     stated_std : float
-        Standard error of the median sample as the track states it, in the track's length unit; 0 where it states none.
+        Standard error of the record's best samples as the track states it, in the track's length unit; 0 where it
+        states none. A tag at rest has the images' own noise alone; what comes on top of it in motion is a codec's.
     curvature : float
         Of the path, in 1 / length unit; 0 where it is straight within the errors. The value is then the projection on
         the main axis, else the arc's length.
@@ -35,6 +44,14 @@ class Sway:
         Whether both coordinates were seen, so that a curved path would have shown.
     axis_rad : float
         Main axis, from x towards z.
+    drive : ndarray, shape (n,), or None
+        The tool's own position along the main axis, where it moves by more than its noise.
+    drive_std : float
+        That noise.
+    angle_rad, angle_std_rad : ndarray, shape (n,)
+        The product's rotation and its standard error; NaN where there is none.
+    angle_stated_std : float
+        Standard error of the record's best angles; 0 where it states none.
     """
 
     time_s: FloatArray
@@ -45,6 +62,11 @@ class Sway:
     curvature_std: float
     planar: bool
     axis_rad: float
+    drive: FloatArray | None
+    drive_std: float
+    angle_rad: FloatArray
+    angle_std_rad: FloatArray
+    angle_stated_std: float
 
     def chord(self, way: FloatArray) -> FloatArray:
         """Return the displacement along the main axis at these ways along the path, counted from equilibrium."""
@@ -103,6 +125,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     inside = np.ones(len(track.time_s), dtype=bool)
     if window is not None:
         inside = (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
+    whole_std = std
     points, std, time = points[inside], std[inside], track.time_s[inside]
     finite = np.isfinite(points)
     across = points[finite[:, 1], 1]
@@ -113,9 +136,22 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         std = np.column_stack([std[:, 0], np.zeros(len(points))])
     seen = np.all(np.isfinite(points), axis=1) & np.isfinite(time)
     points, std, time = points[seen], std[seen], time[seen]
+    kept = np.flatnonzero(inside)[seen]
     if len(time) == 0:
         return Sway(
-            time_s=time, value=time, spread=time, stated_std=0, curvature=0, curvature_std=0, planar=planar, axis_rad=0
+            time_s=time,
+            value=time,
+            spread=time,
+            stated_std=0,
+            curvature=0,
+            curvature_std=0,
+            planar=planar,
+            axis_rad=0,
+            drive=None,
+            drive_std=0.0,
+            angle_rad=time,
+            angle_std_rad=time,
+            angle_stated_std=0.0,
         )
     clean = np.column_stack([remove_spikes(c) for c in points.T])
     steady = np.all(clean == points, axis=1)
@@ -128,16 +164,40 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     planar = planar and arc
     stated = np.hypot(*(std * direction).T)
     value, curvature, curvature_std = _way_along_arc(along, across, steady) if planar else (along, 0.0, 0.0)
+    drive, drive_std = _find_drive(track, kept, direction)
     return Sway(
         time_s=time,
         value=value,
         spread=_spread(stated),
-        stated_std=float(np.median(stated)) if np.all(np.isfinite(stated)) else 0.0,
+        stated_std=_least(np.hypot(*(whole_std * direction).T)),
         curvature=curvature,
         curvature_std=curvature_std,
         planar=planar,
         axis_rad=float(axis),
+        drive=drive,
+        drive_std=drive_std,
+        angle_rad=track.pcp.angle_rad[kept],
+        angle_std_rad=track.pcp.angle_std_rad[kept],
+        angle_stated_std=_least(track.pcp.angle_std_rad),
     )
+
+
+def _least(stated: FloatArray) -> float:
+    """Return the standard error of the best samples, but the very best; 0 where none is stated."""
+    known = stated[np.isfinite(stated)]
+    return float(np.percentile(known, BEST_PERCENT)) if len(known) else 0.0
+
+
+def _find_drive(track: Track, kept: IntArray, direction: FloatArray) -> tuple[FloatArray | None, float]:
+    """Return how the tool moves along the axis and its noise; None where it rests or is not seen."""
+    if track.tcp is None:
+        return None, 0.0
+    drive = track.tcp.position[kept] @ direction
+    if len(drive) < 8 or not np.all(np.isfinite(drive)):
+        return None, 0.0
+    drive = remove_spikes(drive - np.median(drive))
+    noise = MAD_TO_STD * float(np.median(np.abs(np.diff(drive, 3)))) / float(np.sqrt(20))
+    return (drive, noise) if float(np.std(drive)) > DRIVEN * noise else (None, 0.0)
 
 
 def remove_spikes(value: FloatArray) -> FloatArray:

@@ -14,14 +14,19 @@ from tagsway.model.camera import Camera, PlaneView, SeenTag
 from tagsway.model.curves import (
     Curves,
     DecayCurve,
+    ExcitationCurve,
     PendulumCurve,
     ResidualCurve,
     SpectrumCurve,
     TrackCurve,
     TrajectoryCurve,
 )
-from tagsway.model.estimate import Estimate, Notice
+from tagsway.model.estimate import NORMAL_95, Estimate, Notice
+from tagsway.model.events import EVENT_WORDS, Event, EventKind
+from tagsway.model.excitation import Excitation
+from tagsway.model.impulse import Blow, BlowResult, ImpulseResult, ImpulseSpectra, PayloadDistance
 from tagsway.model.indicators import Indicators, PeakAcceleration, ResidualAcceleration
+from tagsway.model.log import AlignedLog, ControllerLog, LogAgreement
 from tagsway.model.modal import (
     BackbonePoint,
     Bound,
@@ -34,6 +39,8 @@ from tagsway.model.modal import (
 )
 from tagsway.model.move import ArcThrough, Limits, Move, Robot
 from tagsway.model.pendulum import GRAVITY_M_S2, Implied, Pendulum, PendulumEstimate
+from tagsway.model.plan import CameraHints, Need, Plan, PlannedError, PlannedMeasurement
+from tagsway.model.repeats import RandomEffects, Rejection, RepeatSummary
 from tagsway.model.result import (
     CoordinateFrame,
     Creator,
@@ -50,15 +57,22 @@ from tagsway.model.trajectory import JointPath, SampledTrajectory, Trajectory
 from tagsway.model.video import Frame, Progress, VideoInfo
 
 __all__ = [
+    "EVENT_WORDS",
     "GRAVITY_M_S2",
+    "NORMAL_95",
     "SCALE_STD",
+    "AlignedLog",
     "ArcThrough",
     "BackbonePoint",
+    "Blow",
+    "BlowResult",
     "BoolArray",
     "Bound",
     "Camera",
+    "CameraHints",
     "CleanTagTrack",
     "CleanTrack",
+    "ControllerLog",
     "CoordinateFrame",
     "Creator",
     "Curves",
@@ -69,26 +83,41 @@ __all__ = [
     "Estimate",
     "Estimates",
     "EstimatorResult",
+    "Event",
+    "EventKind",
+    "Excitation",
+    "ExcitationCurve",
     "FloatArray",
     "Frame",
     "GreyArray",
     "Implied",
     "Impulse",
+    "ImpulseResult",
+    "ImpulseSpectra",
     "Indicators",
     "IntArray",
     "JointPath",
     "Limits",
+    "LogAgreement",
     "ModalEstimate",
     "Mode",
     "ModeEstimate",
     "Move",
+    "Need",
     "Notice",
+    "PayloadDistance",
     "PeakAcceleration",
     "Pendulum",
     "PendulumCurve",
     "PendulumEstimate",
+    "Plan",
     "PlaneView",
+    "PlannedError",
+    "PlannedMeasurement",
     "Progress",
+    "RandomEffects",
+    "Rejection",
+    "RepeatSummary",
     "Residual",
     "ResidualAcceleration",
     "ResidualCurve",

@@ -43,6 +43,37 @@ class SpectrumCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExcitationCurve:
+    """Spectra of the horizontal acceleration of tool and product, zero-padded: |∫ x'' exp(-2πi f t) dt|.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (m,)
+        Even.
+    tcp_whole, tcp_after, tcp_late, pcp_whole, pcp_after, pcp_late : ndarray, shape (m,)
+        Over the whole record, after the move, and over the second half of what follows it; in the track's length unit
+        per second. NaN where the tool was never seen.
+    move_s : tuple of float or None
+        Begin and end of the move whose excitation is judged.
+    late_s : float
+        When the late part begins.
+    bandwidth_hz : float
+        Up to which the accelerations were seen.
+    """
+
+    frequency_hz: FloatArray
+    tcp_whole: FloatArray
+    tcp_after: FloatArray
+    tcp_late: FloatArray
+    pcp_whole: FloatArray
+    pcp_after: FloatArray
+    pcp_late: FloatArray
+    move_s: tuple[float, float] | None
+    late_s: float
+    bandwidth_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PendulumCurve:
     """PCP minus TCP, measured and simulated from the measured motion of the tool, shape (n, 2) for x and z."""
 
@@ -77,6 +108,7 @@ class Curves:
     track: TrackCurve
     decay: DecayCurve | None = None
     spectrum: SpectrumCurve | None = None
+    excitation: ExcitationCurve | None = None
     pendulum: PendulumCurve | None = None
     residual: ResidualCurve | None = None
     trajectory: TrajectoryCurve | None = None

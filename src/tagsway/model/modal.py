@@ -127,6 +127,8 @@ class ModalEstimate:
         2 × 2, of (natural frequency in Hz, damping ratio).
     amplitude_m : Estimate or None
         Of the sway along its main axis, mean over the window; the error of the scale included.
+    amplitude_m_s2, amplitude_rad : Estimate or None
+        The same of a record of accelerations, or of an angle.
     operating_frequency_hz, operating_damping_ratio : Estimate or None
         Undamped frequency and ζ at that amplitude: what a shaper is designed for.
     noise_m : float or None
@@ -157,3 +159,5 @@ class ModalEstimate:
     estimates: Estimates
     modes: tuple[ModeEstimate, ...]
     backbone: tuple[BackbonePoint, ...]
+    amplitude_m_s2: Estimate | None = None
+    amplitude_rad: Estimate | None = None

@@ -4,7 +4,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from tagsway.model.estimate import FORBID_UNKNOWN, Estimate, Notice
+from tagsway.model.events import Event
+from tagsway.model.excitation import Excitation
 from tagsway.model.indicators import Indicators
+from tagsway.model.log import LogAgreement
 from tagsway.model.modal import ModalEstimate, Window
 from tagsway.model.pendulum import PendulumEstimate
 from tagsway.model.settings import Settings
@@ -84,6 +87,9 @@ class Result:
     indicators: Indicators | None
     shaper: Shaper | None
     warnings: tuple[Notice, ...]
+    excitation: Excitation | None = None
+    events: tuple[Event, ...] = ()
+    controller_log: LogAgreement | None = None
 
     @property
     def window(self) -> Window | None:

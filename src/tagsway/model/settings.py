@@ -41,6 +41,8 @@ class Settings:
         Names of a track's columns: time, x and perhaps z.
     shaper : str
         Type of the input shaper.
+    log : str or None
+        Path of a controller's log, which takes the place of the tool's tag.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
@@ -60,6 +62,7 @@ class Settings:
     frequency_spread_percent: float | None = None
     columns: tuple[str, ...] | None = None
     shaper: str = "zv"
+    log: str | None = None
 
     def __post_init__(self) -> None:
         positive = {

@@ -50,8 +50,8 @@ class Track:
         Number of each sample in its source.
     time_s : ndarray, shape (n,)
         Strictly increasing.
-    length_unit : {"m", "px"}
-        Of all positions.
+    length_unit : {"m", "px", "m/s2", "rad"}
+        Of all positions; a record of accelerations or of an angle has no positions but these in their place.
     pcp : TagTrack
         The product.
     tcp : TagTrack or None
@@ -62,7 +62,7 @@ class Track:
 
     frame: IntArray
     time_s: FloatArray
-    length_unit: Literal["m", "px"]
+    length_unit: Literal["m", "px", "m/s2", "rad"]
     pcp: TagTrack
     tcp: TagTrack | None = None
     reference: TagTrack | None = None

@@ -10,12 +10,16 @@ from tagsway.diagnose import diagnose
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import clean_track
 from tagsway.indicators import measure_indicators
-from tagsway.modal import ModalFit, find_window, identify_modes
+from tagsway.modal import ModalFit, identify_modes
+from tagsway.modal.events import describe_events, find_events
+from tagsway.modal.excitation import measure_excitation
+from tagsway.modal.window import FreeVibration, find_free_vibration
 from tagsway.model import (
     CleanTrack,
     Creator,
     Curves,
     DesignMode,
+    Event,
     FloatArray,
     Indicators,
     Move,
@@ -34,6 +38,7 @@ from tagsway.model import (
     Window,
 )
 from tagsway.pendulum import PendulumFit, fit_pendulum
+from tagsway.pipeline.log import with_log
 from tagsway.pipeline.recording import DECODER_THREADS, Recording, describe_tags, read_recording
 from tagsway.pipeline.shaping import PlannedMove, plan_shaped_move
 from tagsway.shapers import SHAPER_TYPES, design_shaper, residual_curve
@@ -44,7 +49,13 @@ from tagsway.video.opening import name_film
 
 HARMLESS = frozenset(
     {
+        "acceleration_record",
+        "angle_record",
         "camera_from_motion",
+        "further_mode",
+        "several_decays",
+        "tool_from_log",
+        "unit_assumed",
         "capture_rate_from_metadata",
         "damping_depends_on_amplitude",
         "fast_for_its_radius",
@@ -138,25 +149,58 @@ def identify(
         plan_move(move)  # a move that cannot be is refused before the work
     steps = steps or StepStore()
     recording = read_recording(file, settings, steps=steps, progress=progress, decoder_threads=decoder_threads)
-    clean = clean_track(recording.track)
+    if settings.log is not None:
+        recording = with_log(recording, Path(settings.log), None if move is None else move.robot)
+    clean, events = clean_track(recording.track), find_events(recording.track)
     try:
-        window, fit = _find_mode(recording.track, clean, settings)
+        free, fit = _find_mode(recording.track, clean, events, settings)
     except NotIdentifiableError as reason:
         if reason.code == "pcp_not_seen" and recording.video is not None:
             reason = NotIdentifiableError(f"{reason}; {describe_tags(file)}", code=reason.code)
-        return _undetermined(file, settings, recording, clean, reason)
-    modal = fit.estimate
+        return _undetermined(file, settings, recording, clean, events, reason)
     pendulum = steps.get(
         "pendulum",
         PendulumFit,
-        lambda: fit_pendulum(recording.track, window, modal, mass_kg=settings.mass_kg, rng=np.random.default_rng(0)),
-        depends_on=[track_digest(recording.track), to_document(window), settings.mass_kg, settings.sway_axis],
+        lambda: fit_pendulum(
+            recording.track, free.window, fit.estimate, mass_kg=settings.mass_kg, rng=np.random.default_rng(0)
+        ),
+        depends_on=[
+            track_digest(recording.track),
+            to_document(free.window),
+            to_document(fit.estimate),
+            settings.mass_kg,
+            settings.sway_axis,
+        ],
     )
-    indicators = measure_indicators(recording.track, clean, window)
     shaper = _design(settings, fit, name_film(file))
     planned = None if move is None or shaper is None else plan_shaped_move(move, shaper)
+    return _assemble(
+        _empty_result(file, settings, recording), recording, clean, events, free, fit, pendulum, planned, shaper
+    )
+
+
+def _assemble(
+    empty: Result,
+    recording: Recording,
+    clean: CleanTrack,
+    events: tuple[Event, ...],
+    free: FreeVibration,
+    fit: ModalFit,
+    pendulum: PendulumFit,
+    planned: PlannedMove | None,
+    shaper: Shaper | None,
+) -> Measurement:
+    """Return the measurement that all stages together make."""
+    modal, window, settings = fit.estimate, free.window, empty.source.settings
+    indicators = measure_indicators(recording.track, clean, window)
+    frequency = modal.operating_frequency_hz or modal.natural_frequency_hz
+    excited = None
+    if frequency is not None:
+        excited = measure_excitation(recording.track, clean, window, frequency_hz=frequency)
     notices = (
         *recording.notices,
+        *describe_events(events),
+        *free.notices,
         *fit.notices,
         *pendulum.notices,
         *diagnose(modal, pendulum.estimate, recording.video),
@@ -165,12 +209,14 @@ def identify(
         *(planned.notices if planned else ()),
     )
     result = replace(
-        _empty_result(file, settings, recording),
+        empty,
         status="ok" if all(notice.code in HARMLESS for notice in notices) else "degraded",
         window_s=(window.start_s, window.end_s),
         modal=modal,
         pendulum=pendulum.estimate,
         indicators=indicators,
+        events=events,
+        excitation=None if excited is None else excited.excitation,
         shaper=shaper,
         warnings=notices,
     )
@@ -179,6 +225,7 @@ def identify(
         decay=fit.decay,
         spectrum=fit.spectrum,
         pendulum=pendulum.curve,
+        excitation=None if excited is None else excited.curve,
         residual=_residual_curve(shaper),
         trajectory=planned.curve if planned else None,
     )
@@ -193,13 +240,30 @@ def identify(
     )
 
 
-def _find_mode(track: Track, clean: CleanTrack, settings: Settings) -> tuple[Window, ModalFit]:
+def _find_mode(
+    track: Track, clean: CleanTrack, events: tuple[Event, ...], settings: Settings
+) -> tuple[FreeVibration, ModalFit]:
     if not np.isfinite(track.pcp.position).any():
         raise NotIdentifiableError(
             "the product's tag was never seen; --pcp-id says which one it is", code="pcp_not_seen"
         )
-    window = settings.window or find_window(track, clean)
-    return window, identify_modes(track, window, sway_axis=settings.sway_axis)
+    free = (
+        find_free_vibration(track, clean, events=events) if settings.window is None else _use(settings.window, events)
+    )
+    return free, identify_modes(track, free.window, sway_axis=settings.sway_axis)
+
+
+def _use(window: Window, events: tuple[Event, ...]) -> FreeVibration:
+    """Return the window that the user states, unless the product is no longer held in it."""
+    lost = next(
+        (event for event in events if event.ends_grip and window.start_s < event.time_s.value < window.end_s), None
+    )
+    if lost is not None:
+        raise InputError(
+            f"--window ends at {window.end_s:g} s, and the product comes off at {lost.time_s.value:.3f} s: a fall is no "
+            "free vibration; end it before"
+        )
+    return FreeVibration(window=window, notices=())
 
 
 def _design(settings: Settings, fit: ModalFit, source: str) -> Shaper | None:
@@ -246,11 +310,17 @@ def _shaper_notices(shaper: Shaper | None, settings: Settings) -> tuple[Notice, 
 
 
 def _undetermined(
-    file: Path, settings: Settings, recording: Recording, clean: CleanTrack, reason: NotIdentifiableError
+    file: Path,
+    settings: Settings,
+    recording: Recording,
+    clean: CleanTrack,
+    events: tuple[Event, ...],
+    reason: NotIdentifiableError,
 ) -> Measurement:
     result = replace(
         _empty_result(file, settings, recording),
-        warnings=(*recording.notices, Notice(code=reason.code, message=str(reason))),
+        events=events,
+        warnings=(*recording.notices, *describe_events(events), Notice(code=reason.code, message=str(reason))),
     )
     return Measurement(
         result=result,
@@ -277,6 +347,7 @@ def _empty_result(file: Path, settings: Settings, recording: Recording) -> Resul
         indicators=None,
         shaper=None,
         warnings=(),
+        controller_log=recording.controller_log,
     )
 
 

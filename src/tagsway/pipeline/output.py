@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tagsway.errors import InputError
 from tagsway.files import write_text
-from tagsway.indicators import find_move
+from tagsway.indicators import find_last_move
 from tagsway.model import Progress, Window
 from tagsway.pipeline.measurement import Measurement
 from tagsway.report.figures import FIGURES, write_figures
@@ -107,9 +107,9 @@ def _write_all(measurement: Measurement, folder: Path) -> None:
 
 def _find_move(measurement: Measurement) -> Window | None:
     clean, window = measurement.clean, measurement.result.window
-    if clean.tcp is None or window is None or measurement.track.length_unit != "m":
+    if window is None or measurement.track.length_unit != "m":
         return None
-    return find_move(clean.time_s, clean.tcp.position, clean.tcp.velocity, window)
+    return find_last_move(clean, window)
 
 
 def _holds_a_measurement(folder: Path) -> bool:

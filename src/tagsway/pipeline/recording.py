@@ -13,6 +13,7 @@ from tagsway.model import (
     CoordinateFrame,
     Frame,
     GreyArray,
+    LogAgreement,
     Notice,
     Progress,
     Settings,
@@ -25,7 +26,7 @@ from tagsway.model import (
 )
 from tagsway.store.cameras import read_camera
 from tagsway.store.steps import StepStore, file_sha256
-from tagsway.store.tracks import quantise, read_track
+from tagsway.store.tracks import quantise, read_source
 from tagsway.tags.families import tag_family
 from tagsway.tags.follow import follow_tags
 from tagsway.tags.others import find_other_tags
@@ -35,7 +36,7 @@ from tagsway.tracks.shutter import correct_shutter
 from tagsway.video.opening import is_pattern, list_files
 from tagsway.video.reading import read_clock, read_frames
 
-TABLES = frozenset({".csv", ".tsv", ".txt"})
+TABLES = frozenset({".csv", ".tsv", ".txt", ".tab", ".dat", ".xml", ".nc", ".h5", ".kva", ".trk"})
 """Endings of a track; anything else is taken for a video."""
 
 DECODER_THREADS = 2
@@ -64,6 +65,8 @@ class Recording:
         The tags in the video's own pixels; None for a table.
     notices : tuple of Notice
         What to know about it.
+    controller_log : LogAgreement or None
+        How the log that moves the tool agrees with the tool's tag.
     """
 
     sha256: str
@@ -73,6 +76,7 @@ class Recording:
     video: VideoInfo | None
     sightings: Sightings | None
     notices: tuple[Notice, ...]
+    controller_log: LogAgreement | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,14 +213,11 @@ def check_file(file: Path) -> None:
 
 
 def _read_table(file: Path, settings: Settings) -> Recording:
-    for name, value in {
-        "--fps": settings.fps_hz,
-        "--camera": settings.camera,
-        "--reference-id": settings.reference_id,
-    }.items():
+    for name, value in {"--camera": settings.camera, "--reference-id": settings.reference_id}.items():
         if value is not None:
             raise InputError(f"{name} says something of a video, and {file} is a table: leave it out")
-    track = read_track(file, columns=settings.columns)
+    source = read_source(file, columns=settings.columns, fps_hz=settings.fps_hz)
+    track = source.track
     return Recording(
         sha256=file_sha256(file),
         track=track,
@@ -224,7 +225,7 @@ def _read_table(file: Path, settings: Settings) -> Recording:
         tags=_summarise_columns(track),
         video=None,
         sightings=None,
-        notices=(),
+        notices=source.notices,
     )
 
 

@@ -7,7 +7,10 @@ import numpy as np
 
 from tagsway.model import Estimate, FloatArray, Result, TrajectoryCurve
 
-LengthUnit = Literal["m", "px"]
+LengthUnit = Literal["m", "px", "m/s2", "rad"]
+
+SENSOR_RECORDS: dict[str, LengthUnit] = {"acceleration_record": "m/s2", "angle_record": "rad"}
+"""Warnings of records that hold no positions, and the unit of what they hold."""
 
 # Okabe and Ito's palette: told apart with any colour vision; the dashes of each line tell them apart in grey.
 INK = "#1b1f24"
@@ -49,7 +52,10 @@ DARK_PALETTE = {
 
 
 def length_unit(result: Result) -> LengthUnit:
-    """Return the unit of a result's curves: pixels where nothing gave them a scale."""
+    """Return the unit of a result's curves: pixels where nothing gave them a scale, or that of a sensor's record."""
+    for code, unit in SENSOR_RECORDS.items():
+        if any(notice.code == code for notice in result.warnings):
+            return unit
     pcp, modal = result.tags.pcp, result.modal
     video_without_scale = result.video is not None and pcp is not None and pcp.mm_per_px is None
     modal_without_scale = modal is not None and modal.natural_frequency_hz is not None and modal.noise_m is None
@@ -58,12 +64,12 @@ def length_unit(result: Result) -> LengthUnit:
 
 def drawn_length(unit: LengthUnit) -> tuple[float, str]:
     """Return the factor and the name of the unit in which a length is drawn: metres become millimetres."""
-    return (1000.0, "mm") if unit == "m" else (1.0, "px")
+    return {"m": (1000.0, "mm"), "px": (1.0, "px"), "m/s2": (1.0, "m/s²"), "rad": (1.0, "rad")}[unit]
 
 
 def drawn_acceleration(unit: LengthUnit) -> str:
     """Return the unit in which an acceleration is drawn."""
-    return f"{unit}/s²"
+    return f"{drawn_length(unit)[1]}/s²" if unit != "m" else "m/s²"
 
 
 def shaped_frequency(result: Result) -> Estimate | None:

@@ -169,10 +169,10 @@ def next_steps(result: Result) -> list[str]:
                 "of one video. Give the spread that you find with --frequency-spread PERCENT."
             )
         steps.append("Run the shaped move slowly, then at full speed, film it, and compare what swing is left.")
-    in_pixels = length_unit(result) == "px"
-    if in_pixels:
+    no_lengths = length_unit(result) != "m"
+    if no_lengths and result.video is not None:
         steps.append("Measure the side of the tags' black square and give it with --tag-size MM: lengths need a scale.")
-    if known and pendulum is not None and not pendulum.determined and not in_pixels:
+    if known and pendulum is not None and not pendulum.determined and not no_lengths:
         steps.append("To tell length from stiffness, film the move too, with a swing of 0.3 rad or more and some lift.")
     if known and settings.mass_kg is None and pendulum is not None and pendulum.determined:
         steps.append("Weigh the product and give it with --mass G: stiffness and damping need it.")

@@ -1,24 +1,19 @@
 """track.csv, and tracks that others wrote."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from tagsway.errors import InputError
 from tagsway.files import whole_file
 from tagsway.model import CleanTrack, FloatArray, IntArray, TagTrack, Track
-from tagsway.store.tables import read_table
+from tagsway.store.sources.build import TrackSource
+from tagsway.store.sources.own import TAGS, UNITS
+from tagsway.store.sources.reading import recognise
 
-TAGS = ("tcp", "pcp", "reference")
-
-STEPS = {"m": 1e-9, "px": 1e-6}
-"""Steps in which a track holds positions: six decimals of a millimetre, or of a pixel."""
-
-FARTHEST_M = 1000.0
-"""No payload is filmed over a kilometre; a larger number is another unit, or no position."""
+STEPS = {"m": 1e-9, "px": 1e-6, "m/s2": 1e-6, "rad": 1e-6}
+"""Steps in which a track holds positions: six decimals of a millimetre, or of its other units."""
 
 CSV_ROWS = 2000
 """Rows that are turned into text together."""
@@ -79,7 +74,7 @@ def _csv_blocks(track: Track, clean: CleanTrack | None) -> Iterator[str]:
 
 def _columns(track: Track, clean: CleanTrack | None) -> list[tuple[str, str, FloatArray | IntArray]]:
     """Return the columns of track.csv: name, format and numbers."""
-    unit, factor = ("mm", 1e3) if track.length_unit == "m" else ("px", 1.0)
+    unit, factor = UNITS[track.length_unit]
     columns: list[tuple[str, str, FloatArray | IntArray]] = [
         ("frame", "%d", track.frame),
         ("time_s", "%.9f", track.time_s),
@@ -105,105 +100,36 @@ def _columns(track: Track, clean: CleanTrack | None) -> list[tuple[str, str, Flo
     return columns
 
 
-def read_track(path: Path, *, columns: tuple[str, ...] | None = None) -> Track:
-    """Read a track: our own track.csv, or any table with a time in s and a position in mm.
+def read_source(path: Path, *, columns: tuple[str, ...] | None = None, fps_hz: float | None = None) -> TrackSource:
+    """Read a track: our own track.csv, or a table of another program, which its content tells.
 
     Parameters
     ----------
     path : Path
-        A text table; comma, semicolon or tab between the columns.
+        A table as text or as a spreadsheet in XML; whatever separates its columns, with decimal points or commas.
     columns : tuple of str, optional
-        Names of the time, the x and perhaps the z column of somebody else's table; they are the PCP's.
+        Names of the time, the x and perhaps the z column of somebody else's table; they are the PCP's. Times are in s
+        and positions in mm where the names state no unit.
+    fps_hz : float, optional
+        Capture rate, for a table of frames without times.
 
     Returns
     -------
-    Track
-        Rows without a time are left out; positions that are not numbers are NaN.
+    TrackSource
+        Rows without a time are left out; what is not a number is NaN.
 
     Raises
     ------
     InputError
         Where the file is no such table, or its times do not rise.
     """
-    table = read_table(path, expected="a CSV with a time in s and positions in mm")
-    if columns is None and "time_s" in table and {"pcp_x_mm", "pcp_x_px"} & set(table.columns):
-        return _own_track(table, path)
-    time_name, x_name, *z_name = columns if columns is not None else _guess_columns(table, path)
-    for name in (time_name, x_name, *z_name):
-        if name not in table:
-            raise InputError(f"{path} has no column {name!r}; it has {', '.join(map(str, table.columns))}")
-    position = np.column_stack(
-        [_numbers(table, x_name), _numbers(table, z_name[0]) if z_name else np.zeros(len(table))]
-    )
-    time_s = _numbers(table, time_name)
-    keep = np.isfinite(time_s)
-    tag = _tag(position[keep] / 1e3, np.full((int(keep.sum()), 2), np.nan), None, None)
-    return _checked(np.arange(len(table))[keep], time_s[keep], "m", {"pcp": tag}, path)
+    source = recognise(path, columns=columns, fps_hz=fps_hz)
+    return replace(source, track=quantise(source.track))
 
 
-def _own_track(table: pd.DataFrame, path: Path) -> Track:
-    unit, factor = ("mm", 1e-3) if "pcp_x_mm" in table else ("px", 1.0)
-    tags = {}
-    for name in TAGS:
-        needed = [f"{name}_{axis}_{unit}" for axis in "xz"]
-        if not set(needed) <= set(table.columns):
-            continue
-        spread = [f"{name}_{axis}_std_{unit}" for axis in "xz"]
-        position = np.column_stack([_numbers(table, column) for column in needed]) * factor
-        std = np.column_stack([_optional(table, column) for column in spread]) * factor
-        tags[name] = _tag(
-            position, std, _optional(table, f"{name}_angle_rad"), _optional(table, f"{name}_angle_std_rad")
-        )
-    frame = _optional(table, "frame")
-    index = np.arange(len(table)) if np.isnan(frame).any() else frame.astype(np.int64)
-    return _checked(index, _numbers(table, "time_s"), "m" if unit == "mm" else "px", tags, path)
-
-
-def _tag(position: FloatArray, std: FloatArray, angle: FloatArray | None, angle_std: FloatArray | None) -> TagTrack:
-    unknown = np.full(len(position), np.nan)
-    return TagTrack(
-        position=position,
-        position_std=std,
-        angle_rad=unknown if angle is None else angle,
-        angle_std_rad=unknown if angle_std is None else angle_std,
-    )
-
-
-def _checked(index: Any, time_s: FloatArray, unit: Any, tags: dict[str, TagTrack], path: Path) -> Track:
-    if not np.isfinite(time_s).any():
-        raise InputError(f"{path}: the time column holds no numbers; write them with a decimal point, such as 0.005")
-    far = max((float(np.nanmax(np.abs(tag.position), initial=0.0)) for tag in tags.values()), default=0.0)
-    if unit == "m" and not far <= FARTHEST_M:
-        raise InputError(f"{path}: a position is {1e3 * far:.3g} mm; expected mm, and at most {1e3 * FARTHEST_M:g}")
-    if len(time_s) < 2:
-        raise InputError(f"{path} holds too few samples ({len(time_s)}): a track needs at least two")
-    if not np.all(np.isfinite(time_s)):
-        raise InputError(f"{path}: row {int(np.argmin(np.isfinite(time_s))) + 2} has no time")
-    steps = np.diff(time_s)
-    if not np.all(steps > 0):
-        raise InputError(f"{path}: the time does not rise at row {int(np.argmin(steps > 0)) + 3}; sort the rows")
-    return quantise(Track(frame=np.asarray(index, dtype=np.int64), time_s=time_s, length_unit=unit, **tags))
-
-
-def _guess_columns(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
-    by_lower = {str(name).lower(): str(name) for name in table.columns}
-    time = next((by_lower[name] for name in ("time_s", "t_s", "time", "t") if name in by_lower), None)
-    x = next((by_lower[name] for name in ("x_mm", "x") if name in by_lower), None)
-    z = next((by_lower[name] for name in ("z_mm", "z", "y_mm", "y") if name in by_lower), None)
-    if time is None or x is None:
-        raise InputError(
-            f"{path}: which columns are time and x? It has {', '.join(map(str, table.columns))}; say --columns T,X[,Z]"
-        )
-    return (time, x) if z is None else (time, x, z)
-
-
-def _numbers(table: pd.DataFrame, name: str) -> FloatArray:
-    values: FloatArray = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-    return values
-
-
-def _optional(table: pd.DataFrame, name: str) -> FloatArray:
-    return _numbers(table, name) if name in table else np.full(len(table), np.nan)
+def read_track(path: Path, *, columns: tuple[str, ...] | None = None, fps_hz: float | None = None) -> Track:
+    """Read a track; see `read_source`, which also says what was assumed."""
+    return read_source(path, columns=columns, fps_hz=fps_hz).track
 
 
 def _to_steps(values: FloatArray, step: float) -> FloatArray:

@@ -1,0 +1,117 @@
+"""A second witness of the same vibration: the tag's own rotation."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from tagsway.modal.decay import ALPHA, COSINE, OFFSET, OMEGA, SINE, SOFTENING, predict
+from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay, fit_linear_part
+from tagsway.modal.modes import amplitude_significance
+from tagsway.model import FloatArray, Notice
+
+CLEAR = 10.0
+"""Standard errors by which the second channel's amplitude must exceed nothing to be of use."""
+
+UNLIKELY = 1e-4
+"""Probability below which two channels do not show one vibration."""
+
+
+def join_channel(
+    samples: Samples, fit: DecayFit, other: Samples | None, *, prior: Softening | None
+) -> tuple[DecayFit, tuple[Notice, ...]]:
+    """Return the fit with what a second channel knows of the same pole.
+
+    Parameters
+    ----------
+    samples : Samples
+        First channel.
+    fit : DecayFit
+        Of it.
+    other : Samples or None
+        Second channel, in a unit of its own, from the same start.
+    prior : Softening or None
+        That both fits use.
+
+    Returns
+    -------
+    DecayFit
+        Of the first channel, at the joint minimum.
+    tuple of Notice
+        Where the channels contradict each other; the first is then kept as it was.
+
+    Notes
+    -----
+    The channels share the poles and what damps or softens them; amplitude, phase, offset and drift are each one's own.
+    Two least squares that share some parameters have their joint minimum where their two quadratic forms add, so the
+    second fit enters the first as a measurement of the shared parameters, with the prior counted once.
+    """
+    if other is None or len(other.value) < 0.5 * len(samples.value):
+        return fit, ()
+    start = fit_linear_part(other, float(fit.parameters[OMEGA]), float(fit.parameters[ALPHA]))
+    first = np.where(np.isin(np.arange(len(fit.parameters)), fit.terms.shared), fit.parameters, 0.0)
+    first[[COSINE, SINE, OFFSET]] = start[0][[COSINE, SINE, OFFSET]]
+    second = fit_decay(other, first, fit.terms, scale=max(start[1], 1e-12), prior=prior)
+    if not amplitude_significance(second) > CLEAR:
+        return fit, ()
+    shared = fit.terms.shared
+    block = np.ix_(shared, shared)
+    apart = second.parameters[shared] - fit.parameters[shared]
+    both = fit.covariance[block] + second.covariance[block]
+    if prior is not None and SOFTENING in shared:
+        # The prior is in both, so that it cannot set them apart.
+        both[shared.index(SOFTENING), shared.index(SOFTENING)] += prior.std**2
+    distance = float(apart @ np.linalg.pinv(both, hermitian=True) @ apart)
+    if not chi2.sf(distance, len(shared)) > UNLIKELY:
+        notice = Notice(
+            code="angle_disagrees",
+            message="the tag's rotation does not swing as its position does "
+            f"({second.parameters[OMEGA] / (2 * np.pi):.5g} against {fit.parameters[OMEGA] / (2 * np.pi):.5g} Hz): "
+            "the payload yaws or has a second body; the position decides",
+        )
+        return fit, (notice,)
+    return _add(samples, fit, second, prior), ()
+
+
+def _add(samples: Samples, fit: DecayFit, second: DecayFit, prior: Softening | None) -> DecayFit:
+    shared = fit.terms.shared
+    block = np.ix_(shared, shared)
+    drag = second.dragged[shared]
+    known, mean = np.zeros((len(shared), len(shared))), np.zeros(len(shared))
+    if prior is not None and prior.std > 0 and SOFTENING in shared:
+        k = shared.index(SOFTENING)
+        known[k, k], mean[k] = prior.std**-2, prior.mean
+    own = fit.covariance - fit.dragged @ fit.dragged.T
+    news = _information(second.covariance[block] - drag @ drag.T, known)
+    values = second.parameters[shared]
+    gain = _gain(own, news, shared)
+    p = fit.parameters + gain @ (news @ (values - fit.parameters[shared]) + known @ (values - mean))
+    keep = np.eye(len(p))
+    keep[:, shared] -= gain @ news
+    joint = keep @ own
+    # What a codec drags, it drags in both.
+    dragged = keep @ fit.dragged + gain @ news @ drag
+    of_bound = _information(second.bound[block], known)
+    bound = fit.bound - _gain(fit.bound, of_bound, shared) @ of_bound @ fit.bound[shared]
+    return replace(
+        fit,
+        parameters=p,
+        residual=samples.value - predict(samples.time_s, p, fit.terms, samples.drive)[0],
+        covariance=0.5 * (joint + joint.T) + dragged @ dragged.T,
+        dragged=dragged,
+        bound=0.5 * (bound + bound.T),
+    )
+
+
+def _gain(covariance: FloatArray, news: FloatArray, shared: list[int]) -> FloatArray:
+    """Return C Hᵀ (I + N H C Hᵀ)⁻¹: what information N on the shared parameters moves."""
+    inner = np.eye(len(shared)) + news @ covariance[np.ix_(shared, shared)]
+    return np.asarray(np.linalg.solve(inner.T, covariance[:, shared].T).T, dtype=float)
+
+
+def _information(covariance: FloatArray, known: FloatArray) -> FloatArray:
+    """Return the information of a fit without its prior's, in units that keep it well conditioned."""
+    unit = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    information = np.linalg.pinv(covariance / np.outer(unit, unit), hermitian=True) - known * np.outer(unit, unit)
+    size, axes = np.linalg.eigh(information)
+    return np.asarray((axes * np.maximum(size, 0.0)) @ axes.T / np.outer(unit, unit), dtype=float)

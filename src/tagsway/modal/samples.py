@@ -1,0 +1,82 @@
+"""What is fitted, what is known before, and what a fit says."""
+
+from dataclasses import dataclass
+
+from tagsway.modal.decay import Terms
+from tagsway.model import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """What is fitted.
+
+    Parameters
+    ----------
+    time_s, value, spread : ndarray, shape (n,)
+        Times from the window's start, values, and each one's relative standard error.
+    stated : float
+        Standard error of the median sample as its source states it; 0 where it states none.
+    drive : ndarray, shape (n,), optional
+        Position of the point of suspension along the axis of the sway, where it is to be an input.
+    drive_std : float
+        Standard error of each of its samples.
+    """
+
+    time_s: FloatArray
+    value: FloatArray
+    spread: FloatArray
+    stated: float = 0.0
+    drive: FloatArray | None = None
+    drive_std: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Softening:
+    """What geometry says of the softening before the fit: a normal prior; held where the decay contradicts it."""
+
+    mean: float
+    std: float
+    held: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecayFit:
+    """A fitted decay.
+
+    Parameters
+    ----------
+    parameters : ndarray, shape (10 + 4 k,)
+        In the order of `tagsway.modal.decay`.
+    terms : Terms
+        Which of them were fitted.
+    residual : ndarray, shape (n,)
+        In the signal's unit.
+    scale : float
+        Standard deviation of the median sample's noise, spikes left aside.
+    covariance : ndarray, shape (10 + 4 k, 10 + 4 k)
+        With the residual's colour paid for; zero where nothing was fitted.
+    dragged : ndarray, shape (10 + 4 k, 2)
+        Of which what a codec may have dragged: its square is a part of the covariance.
+    bound : ndarray, shape (10 + 4 k, 10 + 4 k)
+        Cramér-Rao bound for white noise of this scale.
+    inflation : float
+        The residual's power density at ω_d over that of white noise.
+    freedom : float
+        Degrees of freedom that the colour leaves.
+    error_freedom : float
+        Degrees of freedom of the noise at ω_d, as far as it is known: Student's, for the intervals.
+    deviance : float
+        Robust -2 ln likelihood but for a constant, at `scale` of the first model.
+    """
+
+    parameters: FloatArray
+    terms: Terms
+    residual: FloatArray
+    scale: float
+    covariance: FloatArray
+    dragged: FloatArray
+    bound: FloatArray
+    inflation: float
+    freedom: float
+    error_freedom: float
+    deviance: float

@@ -1,0 +1,83 @@
+"""Many measurements of one quantity: what was left out, how much they scatter, and why."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from tagsway.model.arrays import BoolArray
+from tagsway.model.estimate import FORBID_UNKNOWN, Estimate, Notice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejection:
+    """Which of some repeats are kept.
+
+    Parameters
+    ----------
+    method : {"3-sigma", "grubbs", "esd"}
+        How the others were found.
+    kept : ndarray of bool, shape (n,)
+        False for an outlier, and for a repeat without a number.
+    notices : tuple of Notice
+        Where the method could not have found anything.
+    """
+
+    method: Literal["3-sigma", "grubbs", "esd"]
+    kept: BoolArray
+    notices: tuple[Notice, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatSummary:
+    """What a table says of some repeats; None for what so few, or numbers of both signs, do not tell.
+
+    Parameters
+    ----------
+    n : int
+        Repeats with a number.
+    median : float
+        In the unit of the values.
+    deviation_percent : float or None
+        ± deviation: 100 (max - min) / (max + min); of positive numbers.
+    std : float or None
+        s, with n - 1, in the unit of the values.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    n: int
+    median: float
+    deviation_percent: float | None
+    std: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomEffects:
+    """Repeats that differ, each measured with its own error.
+
+    Parameters
+    ----------
+    n : int
+        Repeats.
+    mean : Estimate
+        Of the population from which the repeats come.
+    between_std : Estimate
+        Standard deviation between repeats: the spread that a shaper has to bear. Its interval is not symmetric.
+    within_std : float
+        Typical standard error of a single repeat.
+    heterogeneity : float
+        Cochran's Q: about n - 1 where nothing but measurement error makes the repeats differ.
+    p_value : float
+        Chance of a Q as large without any difference between repeats.
+    method : {"reml", "dersimonian-laird"}
+        Of the between-repeat variance.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    n: int
+    mean: Estimate
+    between_std: Estimate
+    within_std: float
+    heterogeneity: float
+    p_value: float
+    method: Literal["reml", "dersimonian-laird"]

@@ -1,0 +1,22 @@
+"""Many measurements of one quantity: outliers, scatter, and where it comes from. Pure functions on arrays.
+
+outliers  ±3σ, Grubbs, generalised ESD
+spread    medians, ± deviation, the share of one factor
+effects   what differs between repeats against the error of each
+"""
+
+from tagsway.repeats.effects import between_repeat_spread, fit_random_effects
+from tagsway.repeats.outliers import grubbs_limit, reject_beyond_sigma, reject_by_esd, reject_by_grubbs
+from tagsway.repeats.spread import deviation_percent, factor_share, summarise_repeats
+
+__all__ = [
+    "between_repeat_spread",
+    "deviation_percent",
+    "factor_share",
+    "fit_random_effects",
+    "grubbs_limit",
+    "reject_beyond_sigma",
+    "reject_by_esd",
+    "reject_by_grubbs",
+    "summarise_repeats",
+]
