@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tagsway.errors import InputError
+from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import ControllerLog, FloatArray, LogAgreement, Notice, Robot, TagTrack, Track
 from tagsway.pipeline.recording import Recording
 from tagsway.robots import find_tool
@@ -72,8 +72,17 @@ def _rescaled(tag: TagTrack, scale: float, fixed: FloatArray) -> TagTrack:
 
 
 def with_log(recording: Recording, file: Path, robot: Robot | None = None) -> Recording:
-    """Return a recording whose tool moves as the controller says; see `follow_log`."""
-    track, agreement, notices = follow_log(recording.track, file, robot)
+    """Return a recording whose tool moves as the controller says; see `follow_log`.
+
+    Raises
+    ------
+    InputError
+        Also where the track cannot tell where the log lies: without the log it may tell all else.
+    """
+    try:
+        track, agreement, notices = follow_log(recording.track, file, robot)
+    except NotIdentifiableError as reason:
+        raise InputError(f"--log {file} cannot be used: {reason}; or leave it out") from None
     return replace(recording, track=track, controller_log=agreement, notices=(*recording.notices, *notices))
 
 

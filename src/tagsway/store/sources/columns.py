@@ -11,9 +11,12 @@ from tagsway.errors import InputError
 from tagsway.model import FloatArray, IntArray, Notice, TagTrack
 from tagsway.store.sources.build import TrackSource, TrackUnit, make_tag, make_track
 from tagsway.store.sources.grid import Grid
-from tagsway.store.sources.units import ANGLES, Column, describe_column, is_unit
+from tagsway.store.sources.units import ANGLES, STANDARD_GRAVITY_M_S2, Column, describe_column, is_unit
 
 TOOL, PRODUCT = re.compile(r"(?<![a-z])(tcp|tool|gripper)", re.I), re.compile(r"(?<![a-z])(pcp|product|payload)", re.I)
+
+GRAVITY_TOLERANCE = 0.2
+"""A swing of 0.6 rad and a poor calibration leave the mean reading within this share of g."""
 
 NOTICES = {
     "px": Notice(
@@ -102,7 +105,7 @@ def read_columns(
         )
     unit = units.pop()
     notices = [NOTICES[unit]] if unit in NOTICES else []
-    if unit == "m/s2" and any(held[place].gravity for place in motion["pcp"]):
+    if unit == "m/s2" and _holds_gravity(held, grid):
         notices.append(WITH_GRAVITY)
     frame: IntArray = np.flatnonzero(keep)
     track = make_track(frame, time_s[keep], unit, tags, path=path, first_line=grid.first_line)
@@ -154,6 +157,16 @@ def _loudest(places: Sequence[int], held: Sequence[Column], grid: Grid) -> tuple
     """Return the two axes of a sensor that vary most, in their order: it was not mounted along the sway."""
     spread = np.array([np.nan_to_num(np.nanstd(grid.values[:, place])) for place in places])
     return tuple(sorted(places[i] for i in np.argsort(-spread, kind="stable")[:2]))
+
+
+def _holds_gravity(held: Sequence[Column], grid: Grid) -> bool:
+    """Say whether the axes of a sensor together read about g on the mean, whatever their names say."""
+    means = [
+        float(np.nanmedian(grid.values[:, i])) * column.factor
+        for i, column in enumerate(held)
+        if column.quantity == "acceleration" and np.isfinite(grid.values[:, i]).any()
+    ]
+    return abs(float(np.hypot.reduce(means)) / STANDARD_GRAVITY_M_S2 - 1) < GRAVITY_TOLERANCE
 
 
 def _unit(column: Column, default_unit: TrackUnit, default_factor: float) -> tuple[TrackUnit, float]:

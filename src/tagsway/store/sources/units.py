@@ -70,8 +70,6 @@ class Column:
         As it was recognised; None where the name does not say.
     factor : float
         From that unit to m, px, s, rad or m/s²; 1 without one.
-    gravity : bool
-        Whether an acceleration is a sensor's whole reading, gravity included, as far as the name tells.
     """
 
     name: str
@@ -79,7 +77,6 @@ class Column:
     axis: Literal["x", "y", "z"] | None
     unit: str | None
     factor: float
-    gravity: bool = False
 
 
 def describe_column(name: str) -> Column:
@@ -110,7 +107,6 @@ def describe_column(name: str) -> Column:
         axis=axis,  # type: ignore[arg-type] # the expression lets x, y and z through
         unit=unit,
         factor=factor,
-        gravity=quantity == "acceleration" and not re.search(r"linear|lineal|linéa|lineair|without", spaced, re.I),
     )
 
 
