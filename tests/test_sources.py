@@ -282,3 +282,21 @@ def test_a_track_that_was_written_again_is_the_same_and_warns_the_same(tmp_path,
     assert again.notices == first.notices
     np.testing.assert_array_equal(again.track.pcp.position, first.track.pcp.position)
     assert again.track.length_unit == first.track.length_unit
+
+
+def test_a_column_of_degrees_takes_its_rate_from_its_header(tmp_path) -> None:
+    angle = 30 * np.exp(-0.2 * np.arange(300) / 100) * np.cos(2 * np.pi * 1.5 * np.arange(300) / 100)
+    file = tmp_path / "encoder.txt"
+    file.write_text("start_deg, sample_rate\n30, 100\n" + "\n".join(f"{value:.4f}" for value in angle))
+    track = read_source(file).track
+    assert track.length_unit == "rad"
+    assert track.time_s[-1] == pytest.approx(2.99)  # identity
+    np.testing.assert_allclose(track.pcp.position[:, 0], np.radians(angle), atol=2e-6)  # the last digit of the file, in degrees, and of the track
+
+
+def test_a_column_without_a_rate_asks_for_it(tmp_path) -> None:
+    file = tmp_path / "encoder.txt"
+    file.write_text("\n".join(str(k) for k in range(20)))
+    with pytest.raises(InputError, match="--fps"):
+        read_source(file)
+    assert read_source(file, fps_hz=50.0).track.time_s[-1] == pytest.approx(0.38)  # identity

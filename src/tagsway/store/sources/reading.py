@@ -9,6 +9,7 @@ from tagsway.store.sources.grid import Grid, find_grids
 from tagsway.store.sources.kinovea import is_kinovea_text, is_xml, read_kinovea_text, read_xml_sheet
 from tagsway.store.sources.own import is_own, read_own
 from tagsway.store.sources.poses import is_pose_table, read_poses
+from tagsway.store.sources.single import find_single, read_single
 from tagsway.store.sources.text import read_text
 from tagsway.store.sources.units import describe_column
 
@@ -41,7 +42,11 @@ def recognise(path: Path, *, columns: tuple[str, ...] | None, fps_hz: float | No
         return read_xml_sheet(text, path, fps_hz=fps_hz, columns=columns)
     if columns is None and is_kinovea_text(text):
         return read_kinovea_text(text, path, fps_hz=fps_hz)
-    grid = _largest(find_grids(text), path)
+    grids = find_grids(text)
+    single = find_single(text) if columns is None else None
+    if single is not None and len(single[1]) > max((len(grid.values) for grid in grids), default=0):
+        return read_single(*single, path, fps_hz=fps_hz)
+    grid = _largest(grids, path)
     if columns is not None:
         return read_columns(grid, path, columns=columns, fps_hz=fps_hz)
     if is_own(grid):
