@@ -1,6 +1,6 @@
 """How fast a video is tracked, against decoding alone and the plain loop.
 
-    python benchmarks/tracking.py [--frames 400] [--threads 1 2]
+    python benchmarks/tracking.py [--frames 1000] [--threads 1 2]
 
 Every number is a ratio of two measurements of one run, taken in turn, of the best of three. The ratio of processor
 times beside it does not depend on what else the machine does. Set OPENBLAS_NUM_THREADS=1: the decoder needs the cores.
@@ -33,7 +33,7 @@ WIDTH, HEIGHT, SIDE_PX, FPS = 1280, 1024, 60.0, 200.0
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--frames", type=int, default=400)
+    parser.add_argument("--frames", type=int, default=1000)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -15,8 +15,9 @@ CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 _SURE_CORRELATION = 0.93  # no other id and no covered cells reach it: the cells need not be looked at apart
 _MOST_STEPS = 6
-_REPEATED_STEP_PX = 0.25  # a longer one is followed by another, ...
-_REPEATED_TILTED_PX = 0.002  # ... divided by the perspective: the derivatives are those of the tag's middle
+_LAST_STEP = 4.0  # times √(σ px): what a step leaves is of its square; a longer one is followed by another, ...
+_LONGEST_LAST_PX = 0.4
+_TILTED = 125.0  # ... and is as many times longer as the perspective says: the derivatives are of the tag's middle
 _SMALLEST_SIDE_PX = 8.0
 _BLURS_PX = tuple(0.25 * 1.3**k for k in range(10))  # of the optics
 _FIRST_BLUR = 3
@@ -30,7 +31,9 @@ _MEMORY = 32  # frames in the running ratio of the two covariances
 _BLOCKS_EVERY = 8  # frames, after that
 _ODD_VARIANCE = 1.5
 _COMPRESSED_LOG_RATIO = 0.1  # raw images stay below; then the scatter in time counts as well ...
-_MOST_SCATTER_PX2 = 0.1**2  # ... up to what a codec that moves blocks by quarters of a pixel may add
+_MOST_SCATTER = np.array(
+    [0.1**2, 0.1**2, np.inf]
+)  # ... up to what a codec that moves blocks by quarters of a pixel may add
 
 
 class Aligner:
@@ -66,6 +69,7 @@ class Aligner:
         self._lessons = 0
         self._log_ratio = np.zeros(3)
         self._scatter = Scatter()
+        self._shifts_px2 = 0.0
         self._variance = 0.0
         self._measured = 0
 
@@ -115,10 +119,16 @@ class Aligner:
             if refined is None or not refined.gain > LEAST_CONTRAST:
                 return None
             here = refined.homography
-            tilt = math.hypot(here[2, 0], here[2, 1])
-            if refined.step_px * max(1.0, tilt * _REPEATED_STEP_PX / _REPEATED_TILTED_PX) < _REPEATED_STEP_PX:
+            if self._is_last(refined):
                 return refined if self._is_pattern(grey, refined) else None
         return None
+
+    def _is_last(self, refined: Refinement) -> bool:
+        """Tell whether a step was so short that another one would change less than the error."""
+        tilt = math.hypot(refined.homography[2, 0], refined.homography[2, 1])
+        usual = min(1.0, self._variance / refined.variance) if self._measured else 1.0  # far off all of it is larger
+        sigma_px = math.sqrt(max(usual * refined.plain[0], self._shifts_px2))
+        return refined.step_px * max(1.0, _TILTED * tilt) < min(_LAST_STEP * math.sqrt(sigma_px), _LONGEST_LAST_PX)
 
     def _is_pattern(self, grey: GreyArray, refined: Refinement) -> bool:
         if refined.correlation > _SURE_CORRELATION:
@@ -198,36 +208,38 @@ class Aligner:
     def _report(self, refined: Refinement, predicted: FloatArray | None) -> Sighting:
         h = refined.homography
         angle = _measure_angle(h)
-        covariance = self._steady(refined)
+        variances, cross = self._steady(refined)
+        x, y = float(h[0, 2]), float(h[1, 2])
         if predicted is None:
             self._scatter.interrupt()
         else:
             turn = math.remainder(angle - _measure_angle(predicted), 2 * math.pi)
-            place = predicted[:2, 2] / predicted[2, 2]
-            self._scatter.add(np.array([*(h[:2, 2] - place), turn]), np.diag(covariance))
-        covariance = self._inflate(covariance)
+            depth = float(predicted[2, 2])
+            right, down = x - float(predicted[0, 2]) / depth, y - float(predicted[1, 2]) / depth
+            self._scatter.add(np.array([right, down, turn]), variances)
+        (xx, yy, turned), factor = self._inflate(variances)
         return Sighting(
             homography=h,
             corners_px=project(h, CORNERS),
-            centre_px=h[:2, 2].copy(),
-            covariance_px2=covariance[:2, :2],
+            centre_px=np.array([x, y]),
+            covariance_px2=np.array([[xx, cross * factor], [cross * factor, yy]]),
             angle_rad=angle,
-            angle_std_rad=math.sqrt(covariance[2, 2]),
+            angle_std_rad=math.sqrt(turned),
             correlation=refined.correlation,
         )
 
-    def _inflate(self, covariance: FloatArray) -> FloatArray:
-        """Return the covariance, no smaller than the scatter in time where the image looks compressed.
+    def _inflate(self, variances: FloatArray) -> tuple[list[float], float]:
+        """Return the variances, no smaller than the scatter in time where the image looks compressed; and x y's factor.
 
         A codec shifts blocks, all those of a tag together, by parts of a pixel: no residual of one image shows that.
         """
-        if not self._log_ratio[:2].mean() > _COMPRESSED_LOG_RATIO:
-            return covariance
-        scatter = self._scatter.variance
-        scatter[:2] = np.minimum(scatter[:2], _MOST_SCATTER_PX2)
-        factor = np.sqrt(np.maximum(scatter / np.diag(covariance), 1.0))
-        inflated: FloatArray = covariance * np.outer(factor, factor)
-        return inflated
+        self._shifts_px2 = 0.0
+        if not float(self._log_ratio[0] + self._log_ratio[1]) > 2 * _COMPRESSED_LOG_RATIO:
+            return variances.tolist(), 1.0
+        scatter = np.minimum(self._scatter.variance, _MOST_SCATTER)
+        self._shifts_px2 = float(scatter[0])
+        factor = np.maximum(scatter / variances, 1.0)
+        return (variances * factor).tolist(), math.sqrt(factor[0] * factor[1])
 
     def _wants_blocks(self) -> bool:
         return self._measured < _MEMORY or self._measured % _BLOCKS_EVERY == 0
@@ -236,27 +248,26 @@ class Aligner:
         """Tell whether the image differs from the pattern by more than it usually does: its noise is then no one's."""
         return refined.sandwich is None and refined.variance > _ODD_VARIANCE * self._variance
 
-    def _steady(self, refined: Refinement) -> FloatArray:
-        """Return the covariance: the plain one, scaled by its running ratio to the one that sees correlated noise.
+    def _steady(self, refined: Refinement) -> tuple[FloatArray, float]:
+        """Return variances, and the covariance of x and y: the plain ones, scaled by the running ratio of the former.
 
-        One frame's ratio is known to a fifth only; where it jumps (a hand over the tag) it counts at once.
+        That is the ratio to those that see correlated noise. One frame's is known to a fifth only; where it jumps
+        (a hand over the tag) it counts at once.
         """
         self._measured += 1
         weight = 1 / min(self._measured, _MEMORY)
         self._variance += (refined.variance - self._variance) * weight
-        log_factor = self._log_ratio
+        plain, log_factor = np.array(refined.plain[:3]), self._log_ratio
         if refined.sandwich is not None:
-            ratio = np.log(np.maximum(np.diag(refined.sandwich), 1e-30) / np.diag(refined.plain))
+            ratio = np.log(np.maximum(refined.sandwich, 1e-30) / plain)
             self._log_ratio = self._log_ratio + (ratio - self._log_ratio) * weight
             log_factor = np.maximum(self._log_ratio, ratio - 1.0)
-        factor = np.exp(log_factor / 2)
-        covariance: FloatArray = refined.plain * np.outer(factor, factor)
-        return covariance
+        return plain * np.exp(log_factor), refined.plain[3] * math.exp((log_factor[0] + log_factor[1]) / 2)
 
 
 def _measure_angle(homography: FloatArray) -> float:
-    along = local_jacobian(homography)[:, 0]
-    return math.atan2(-along[1], along[0])
+    (right, _), (down, _) = local_jacobian(homography)
+    return math.atan2(-down, right)
 
 
 def project(homography: FloatArray, points: FloatArray) -> FloatArray:
@@ -316,9 +327,15 @@ def measure_scale(homography: FloatArray) -> float:
 
 def _lies_in(grey: GreyArray, homography: FloatArray) -> bool:
     height, width = grey.shape
-    square = project(homography, CORNERS)
-    right, bottom = square.max(axis=0)
-    return bool(square.min() >= -0.5 and right <= width - 0.5 and bottom <= height - 0.5)
+    (a, b, x), (c, d, y), (g, h, w) = homography.tolist()
+    for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+        depth = g * u + h * v + w
+        if not depth * w > 0:
+            return False
+        right, down = (a * u + b * v + x) / depth, (c * u + d * v + y) / depth
+        if not (-0.5 <= right <= width - 0.5 and -0.5 <= down <= height - 0.5):
+            return False
+    return True
 
 
 def _scale(travel_px: tuple[float, float] | None, share: float) -> tuple[float, float]:

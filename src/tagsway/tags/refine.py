@@ -1,7 +1,9 @@
 """The last step of an alignment, on the image's own pixels, and what it is worth."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -13,7 +15,8 @@ _GAIN, _OFFSET, _STEP = 2, 3, [0, 1, 4, 5, 6, 7, 8, 9]  # places in the solution
 
 _ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
 _BLOCKS = 10  # to a side
-_SHORTEST_MOTION_PX = 0.3  # a shorter one blurs by less than a tenth of a pixel
+_SHORTEST_MOTION_PX = 0.5  # a shorter one blurs by less than a seventh of a pixel
+_MOTION_STEPS = 8  # to a pixel: a sixteenth more or less of motion changes no pixel by a grey level
 _MOST_MOTION_PX = 16.0
 _LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
 _MIDDLE_GREY = 128  # taken off, so that sums of squares keep their digits
@@ -27,10 +30,11 @@ class Refinement:
     ----------
     homography : ndarray, shape (3, 3)
         Takes the tag's frame to the pixels of the image that was given.
-    plain : ndarray, shape (3, 3)
-        Covariance of (centre x, centre y in px, angle in rad) for white noise of the residual's size.
-    sandwich : ndarray, shape (3, 3), or None
-        The same from the residual's sums over blocks: whatever the noise's correlation, but uncertain itself.
+    plain : tuple of float
+        Variances of (centre x, centre y in px, angle in rad), then the covariance of x and y, for white noise of the
+        residual's size.
+    sandwich : ndarray, shape (3,), or None
+        The variances from the residual's sums over blocks: whatever the noise's correlation, but uncertain themselves.
     variance : float
         Of the residual, in grey levels squared.
     gain : float
@@ -42,7 +46,7 @@ class Refinement:
     """
 
     homography: FloatArray
-    plain: FloatArray
+    plain: tuple[float, float, float, float]
     sandwich: FloatArray | None
     variance: float
     gain: float
@@ -98,35 +102,45 @@ def refine(
     planes = _see(h, template, region, local, None if still else motion_px)
     np.subtract(grey[top : top + height, left : left + width], np.float32(_MIDDLE_GREY), out=planes[4])
     planes[4] *= planes[3]
-    x = (np.arange(left, left + width) - h[0, 2]) / scale
-    y = (np.arange(top, top + height) - h[1, 2]) / scale
-    products = _multiply(planes, x, y)
-    normal, sums, squares = products[:-1, :-1], products[:-1, -1], products[-1, -1]
-    inverse = _invert(normal)
-    solution = inverse @ sums
-    gain, count = float(solution[_GAIN]), normal[_OFFSET, _OFFSET]
-    mean = normal[_GAIN, _OFFSET] / count
-    spread = (squares - sums[_OFFSET] ** 2 / count) * (normal[_GAIN, _GAIN] - mean**2 * count)
-    if not (gain > 0 and spread > 0 and np.abs(solution[_STEP]).max() < _LONGEST_STEP * gain):
+    powers = _raise(region, h, scale)
+    products = _multiply(planes, *powers)
+    normal, sums, squares = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
+    count = float(normal[_OFFSET, _OFFSET])
+    if not count > PARAMETERS:
         return None
-    variance = max(float(squares - solution @ sums) / (count - PARAMETERS), _ROUNDING)
-    influence = _functionals(local[:, 0], scale) @ inverse / gain
+    inverse, turn = _invert(normal), _turn(local)
+    solution = inverse @ sums
+    values = solution.tolist()
+    fitted, gain = float(solution @ sums), values[_GAIN]
+    with_pattern, level = float(sums[_GAIN]), float(sums[_OFFSET])
+    mean = float(normal[_GAIN, _OFFSET]) / count
+    spread = (squares - level**2 / count) * (float(normal[_GAIN, _GAIN]) - mean**2 * count)
+    step = [values[place] / gain for place in _STEP] if gain > 0 else [math.inf]
+    longest = max(map(abs, step))
+    (xx, xy), (_, yy) = inverse[:2, :2].tolist()
+    turning = float(turn @ inverse[4:8, 4:8] @ turn)
+    if not (min(spread, xx, yy, turning) > 0 and longest < _LONGEST_STEP):
+        return None
+    variance = max((squares - fitted) / (count - PARAMETERS), _ROUNDING)
+    unit = variance / gain**2
+    per_px = unit * scale**2
+    influence = _functionals(turn, scale) @ inverse / gain if with_blocks else None
     return Refinement(
-        homography=_move_back(h, solution[_STEP] / gain, scale),
-        plain=variance * influence @ normal @ influence.T,
-        sandwich=_sum_blocks(planes, x, y, solution, influence) if with_blocks else None,
+        homography=_move_back(h, step, scale),
+        plain=(per_px * xx, per_px * yy, unit * turning, per_px * xy),
+        sandwich=None if influence is None else _sum_blocks(planes, powers, solution, influence),
         variance=variance,
         gain=gain,
-        step_px=scale * float(np.abs(solution[_STEP]).max()) / gain,
-        correlation=float((sums[_GAIN] - sums[_OFFSET] * mean) / math.sqrt(spread)),
+        step_px=scale * longest,
+        correlation=(with_pattern - level * mean) / math.sqrt(spread),
     )
 
 
-def local_jacobian(homography: FloatArray) -> FloatArray:
-    """Return ∂(pixel)/∂(tag's frame) at the tag's centre, shape (2, 2)."""
+def local_jacobian(homography: FloatArray) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return ∂(pixel)/∂(tag's frame) at the tag's centre, row by row."""
     (a, b, x), (c, d, y), (g, h, w) = homography.tolist()
     x, y = x / w, y / w
-    return np.array([[(a - x * g) / w, (b - x * h) / w], [(c - y * g) / w, (d - y * h) / w]])
+    return ((a - x * g) / w, (b - x * h) / w), ((c - y * g) / w, (d - y * h) / w)
 
 
 def _region(shape: tuple[int, ...], homography: FloatArray, half_width: float) -> tuple[int, int, int, int] | None:
@@ -145,7 +159,7 @@ def _see(
     homography: FloatArray,
     template: Template,
     region: tuple[int, int, int, int],
-    local: FloatArray,
+    local: tuple[tuple[float, float], tuple[float, float]],
     motion_px: tuple[float, float] | None,
 ) -> Float32Array:
     """Return the pattern as the image's pixels see it, shape (5, height, width).
@@ -158,9 +172,11 @@ def _see(
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     seen = np.asarray(cv2.warpPerspective(template.texture, view, (width, height), flags=flags))
     if motion_px is not None:
-        seen = np.asarray(cv2.filter2D(seen, -1, _streak(motion_px), borderType=cv2.BORDER_CONSTANT))
+        seen = np.asarray(cv2.filter2D(seen, -1, _find_streak(motion_px), borderType=cv2.BORDER_CONSTANT))
+    (a, b), (c, d) = local
+    share = template.scale_px / (a * d - b * c)
     first = np.eye(4, dtype=np.float32)
-    first[:2, :2] = (template.scale_px * _invert(local)).T
+    first[:2, :2] = (share * d, -share * c), (-share * b, share * a)
     planes = np.empty((5, height, width), np.float32)
     np.matmul(first, seen.reshape(-1, 4).T, out=planes[:4].reshape(4, -1))
     if motion_px is not None:
@@ -168,14 +184,21 @@ def _see(
     return planes
 
 
-def _streak(motion_px: tuple[float, float]) -> Float32Array:
+def _find_streak(motion_px: tuple[float, float]) -> Float32Array:
+    """Return the kernel of a motion, to and fro alike, from those that are known already."""
+    right, down = (round(_MOTION_STEPS * part) for part in motion_px)
+    return _streak(-right, -down) if right < 0 else _streak(right, down)
+
+
+@lru_cache(maxsize=1024)
+def _streak(right: int, down: int) -> Float32Array:
     """Return the kernel of a motion: a line in cubic interpolation (Keys), which keeps parabolas."""
-    length = math.hypot(*motion_px)
-    motion = [part * min(1.0, _MOST_MOTION_PX / length) for part in motion_px]
+    length = math.hypot(right, down) / _MOTION_STEPS
+    motion = [part / _MOTION_STEPS * min(1.0, _MOST_MOTION_PX / length) for part in (right, down)]
     steps = math.ceil(2 * length) + 2
     shares = (np.arange(steps) + 0.5) / steps - 0.5
-    across, down = (_interpolate(part * shares, math.ceil(abs(part) / 2) + 1) for part in motion)
-    return np.asarray(down.T @ across / steps, dtype=np.float32)
+    columns, rows = (_interpolate(part * shares, math.ceil(abs(part) / 2) + 1) for part in motion)
+    return np.asarray(rows.T @ columns / steps, dtype=np.float32)
 
 
 def _interpolate(places: FloatArray, reach: int) -> FloatArray:
@@ -208,36 +231,68 @@ _COLUMNS[[0, 1, 2, 3, 4, 5, 6, 7, 10], [0, 5, 10, 11, 1, 2, 6, 7, 12]] = 1.0
 _COLUMNS[8, [3, 8]] = _COLUMNS[9, [4, 9]] = -1.0
 
 
-def _multiply(planes: Float32Array, x: FloatArray, y: FloatArray) -> FloatArray:
+def _raise(
+    region: tuple[int, int, int, int], homography: FloatArray, scale: float
+) -> tuple[Float32Array, Float32Array]:
+    """Return the powers 0 .. 4 of the columns' and the rows' places about the tag's centre, in units of the scale."""
+    left, top, width, height = region
+    powers = np.empty((_POWERS, width + height), np.float32)
+    powers[0] = 1.0
+    powers[1, :width] = (np.arange(width) + (left - float(homography[0, 2]))) / scale
+    powers[1, width:] = (np.arange(height) + (top - float(homography[1, 2]))) / scale
+    np.multiply(powers[1], powers[1], out=powers[2])
+    np.multiply(powers[1:3], powers[2], out=powers[3:])
+    return powers[:, :width], powers[:, width:]
+
+
+def _multiply(planes: Float32Array, by_x: Float32Array, by_y: Float32Array) -> FloatArray:
     """Return the scalar products of the solution's columns and the image, shape (11, 11)."""
     _, height, width = planes.shape
     maps = np.empty((9, height, width), np.float32)
     np.multiply(planes[0], planes, out=maps[:5])
     np.multiply(planes[1], planes[1:], out=maps[5:])
-    by_x, by_y = (np.vander(at, _POWERS, increasing=True).astype(np.float32) for at in (x, y))
-    moments = by_y.T @ (maps.reshape(-1, width) @ by_x).reshape(9, height, _POWERS)
-    rest = planes[2:].reshape(3, -1)
-    every = np.concatenate([moments.ravel(), *(rest @ one for one in rest)]).astype(float)
+    moments = by_y @ (maps.reshape(-1, width) @ by_x.T).reshape(9, height, _POWERS)
+    pattern, weight, image = planes[2:].reshape(3, -1)
+    with_weight, with_image = pattern @ weight, pattern @ image
+    level = weight @ image
+    rest = (
+        pattern @ pattern,
+        with_weight,
+        with_image,
+        with_weight,
+        weight @ weight,
+        level,
+        with_image,
+        level,
+        image @ image,
+    )
+    every = np.concatenate([moments.ravel(), rest], dtype=float)
     products: FloatArray = _COLUMNS @ every[_MOMENTS] @ _COLUMNS.T
     return products
 
 
-def _functionals(along: FloatArray, scale: float) -> FloatArray:
+def _turn(local: tuple[tuple[float, float], tuple[float, float]]) -> FloatArray:
+    """Return the angle as a linear function of the solution's (xx, xy, yx, yy)."""
+    (dx, _), (dy, _) = local
+    return np.array([-dx * dy, -dy * dy, dx * dx, dx * dy]) / (dx * dx + dy * dy)
+
+
+def _functionals(turn: FloatArray, scale: float) -> FloatArray:
     """Return centre x, centre y and angle as linear functions of the solution, shape (3, 10); signs left out."""
     rows = np.zeros((3, PARAMETERS))
     rows[0, 0] = rows[1, 1] = scale
-    dx, dy = along / math.hypot(*along)
-    rows[2, 4:8] = [-dx * dy, -dy * dy, dx * dx, dx * dy]
+    rows[2, 4:8] = turn
     return rows
 
 
-def _move_back(homography: FloatArray, step: FloatArray, scale: float) -> FloatArray:
+def _move_back(homography: FloatArray, step: Sequence[float], scale: float) -> FloatArray:
     """Return V⁻¹ H to third order in the step, V given about the tag's centre in units of the scale."""
-    x, y = homography[:2, 2]
+    x, y = float(homography[0, 2]), float(homography[1, 2])
     dx, dy, xx, xy, yx, yy, px, py = step
-    to_unit = np.array([[1 / scale, 0, -x / scale], [0, 1 / scale, -y / scale], [0, 0, 1.0]])
-    to_pixel = np.array([[scale, 0, x], [0, scale, y], [0, 0, 1.0]])
-    move = to_pixel @ np.array([[xx, xy, dx], [yx, yy, dy], [px, py, 0.0]]) @ to_unit
+    p, q = px / scale, py / scale
+    t = -p * x - q * y
+    right, down = scale * dx - xx * x - xy * y + x * t, scale * dy - yx * x - yy * y + y * t
+    move = np.array([[xx + x * p, xy + x * q, right], [yx + y * p, yy + y * q, down], [p, q, t]])
     back = move @ homography
     moved = homography - back + move @ back
     return np.asarray(moved / moved[2, 2], dtype=np.float64)
@@ -249,21 +304,20 @@ def _invert(matrix: FloatArray) -> FloatArray:
 
 
 def _sum_blocks(
-    planes: Float32Array, x: FloatArray, y: FloatArray, solution: FloatArray, influence: FloatArray
+    planes: Float32Array, powers: tuple[Float32Array, Float32Array], solution: FloatArray, influence: FloatArray
 ) -> FloatArray:
-    """Return the covariance of three sums from their parts over blocks of the image."""
+    """Return the variances of three sums from their parts over blocks of the image."""
     _, height, width = planes.shape
     wanted = np.vstack([influence, solution]) @ _COLUMNS[:-1, :-1]
     shares = np.zeros((2, len(wanted), 3, 3))  # of the two derivatives, by powers of y and x
     for k, (plane, power_x, power_y) in enumerate(_TERMS):
         shares[plane, :, power_y, power_x] = wanted[:, k]
-    by_x, by_y = (np.vander(at, 3, increasing=True) for at in (x, y))
-    weights = (by_y @ shares @ by_x.T).astype(np.float32)
-    weights *= planes[:2, None]
-    sums = weights[0] + weights[1]
-    sums += np.tensordot(wanted[:, len(_TERMS) :].astype(np.float32), planes[2:4], axes=1)
+    by_x, by_y = (part[:3] for part in powers)
+    sums = planes[0] * (by_y.T @ shares[0].astype(np.float32) @ by_x)
+    sums += planes[1] * (by_y.T @ shares[1].astype(np.float32) @ by_x)
+    sums += (wanted[:, len(_TERMS) :].astype(np.float32) @ planes[2:4].reshape(2, -1)).reshape(sums.shape)
     parts = sums[:-1] * (planes[4] - sums[-1])
     rows, across = (np.arange(_BLOCKS) * size // _BLOCKS for size in (height, width))
-    blocks = np.add.reduceat(np.add.reduceat(parts, rows, axis=1), across, axis=2).reshape(3, -1).astype(float)
-    covariance: FloatArray = blocks @ blocks.T * (_BLOCKS**2 / (_BLOCKS**2 - PARAMETERS))
-    return covariance
+    blocks = np.add.reduceat(np.add.reduceat(parts, rows, axis=1), across, axis=2).astype(float)
+    variances: FloatArray = np.square(blocks).sum(axis=(1, 2)) * (_BLOCKS**2 / (_BLOCKS**2 - PARAMETERS))
+    return variances

@@ -8,7 +8,16 @@ from tagsway.model import FloatArray
 
 _MEMORY = 32  # frames
 _ORDERS = 4  # of further differences: what moves fast at few frames a second is gone in the highest
-_GAINS = np.array([math.comb(2 * order, order) for order in range(3, 3 + _ORDERS)], dtype=float)
+# Each row makes a further difference of the last innovations, of the variance of one place where they are white noise.
+_DIFFERENCES = np.array(
+    [
+        [
+            (-1) ** back * math.comb(further, back) / math.sqrt(math.comb(2 * further + 6, further + 3))
+            for back in range(_ORDERS)
+        ]
+        for further in range(_ORDERS)
+    ]
+)
 _FEWEST = 8
 _MOST_AT_ONCE = 16.0  # a jerk of the tag is no noise: one square counts as no more than so many
 _COLOUR = 1.15  # a codec's noise is a little larger than its differences say: neighbours share some of it
@@ -28,18 +37,16 @@ class Scatter:
     """
 
     def __init__(self) -> None:
-        self._rows: list[FloatArray] = []
+        self._innovations = np.zeros((_ORDERS, 3))  # the newest first
+        self._held = 0
         self._squares = np.zeros((_ORDERS, 3))
-        self._counts = np.zeros(_ORDERS)
+        self._counts = np.zeros((_ORDERS, 1))
+        self._variance = np.zeros(3)
 
     @property
     def variance(self) -> FloatArray:
         """Of (x, y, angle), shape (3,); 0 as long as too few frames have been seen."""
-        if self._counts[0] < _FEWEST:
-            return np.zeros(3)
-        known = self._counts >= _FEWEST
-        least: FloatArray = _COLOUR * (self._squares[known] / _GAINS[known, None]).min(axis=0)
-        return least
+        return self._variance
 
     def add(self, innovation: FloatArray, stated: FloatArray) -> None:
         """Take in one frame.
@@ -51,15 +58,18 @@ class Scatter:
         stated : ndarray, shape (3,)
             Variances of these measurements as the image alone shows them.
         """
-        self._rows = [*self._rows[1 - _ORDERS :], innovation]
-        difference = np.array(self._rows)
-        usual = np.maximum(self.variance, stated)
-        for order in range(len(self._rows)):
-            square = np.minimum(difference[-1] ** 2, _MOST_AT_ONCE * usual * _GAINS[order])
-            self._counts[order] += 1
-            self._squares[order] += (square - self._squares[order]) / min(self._counts[order], _MEMORY)
-            difference = np.diff(difference, axis=0)
+        self._innovations[1:] = self._innovations[:-1]
+        self._innovations[0] = innovation
+        self._held = min(self._held + 1, _ORDERS)
+        known = slice(self._held)
+        differences = _DIFFERENCES[known] @ self._innovations
+        squares = np.minimum(differences * differences, _MOST_AT_ONCE * np.maximum(self._variance, stated))
+        self._counts[known] += 1
+        self._squares[known] += (squares - self._squares[known]) / np.minimum(self._counts[known], _MEMORY)
+        settled = np.count_nonzero(self._counts >= _FEWEST)  # the first orders
+        if settled:
+            self._variance = _COLOUR * self._squares[:settled].min(axis=0)
 
     def interrupt(self) -> None:
         """Forget the last frames, after a gap, but not how much they scattered."""
-        self._rows = []
+        self._held = 0

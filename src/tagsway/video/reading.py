@@ -18,6 +18,8 @@ from tagsway.video.clock import Clock, count_clock, fit_clock
 from tagsway.video.opening import open_source
 from tagsway.video.source import Stamps
 
+_FIRST_PLACES = 4  # images that may wait until the first one's size is known ...
+_MOST_QUEUED_PX = 48 << 20  # ... and what all that wait may hold: 72 MB with their colours, 38 images of 1280 x 1024
 _THINNED = (32, 80)  # rows and columns of pixels that tell whether an image is new
 _REPEATED = 0.25  # of the usual change from image to image; a repeated one, coded again, has shown up to 0.13
 _USUAL_PERCENT, _AROUND = 90, 21  # of the changes around, of which three in four may be repeated images'
@@ -67,7 +69,7 @@ def _make_clock(stamps: Stamps, fps_hz: float | None) -> Clock:
 
 
 def read_frames(
-    path: Path | str, clock: Clock, *, decoder_threads: int = 1, queue_frames: int = 8, full_range: bool = True
+    path: Path | str, clock: Clock, *, decoder_threads: int = 1, queue_frames: int = 32, full_range: bool = True
 ) -> "FrameReader":
     """Return an iterator over the grey images of a film.
 
@@ -80,7 +82,8 @@ def read_frames(
     decoder_threads : int
         Of the decoder, beside the thread that calls.
     queue_frames : int
-        How many images may wait: with the decoder's own, all the memory that a video of any length takes.
+        How many images may wait, fewer where they are larger than 1.5 Mpx: with the decoder's own, all the memory that
+        a video of any length takes. They bridge the times at which a tag is looked for.
     full_range : bool
         False leaves luma of limited range (16..235) as it is coded, which saves a pass over each image; a tag's
         alignment fits gain and offset and does not mind.
@@ -110,8 +113,8 @@ class FrameReader(Iterator[Frame]):
         # What waits, and the places for it: a C queue each, for a lock of Python's costs the tracker its time.
         self._decoded: SimpleQueue[Any] = SimpleQueue()
         self._places: SimpleQueue[None] = SimpleQueue()
-        for _ in range(max(queue_frames, 1)):
-            self._places.put(None)
+        self._queue_frames = queue_frames
+        self._allow(min(max(queue_frames, 1), _FIRST_PLACES))
         self._stopped = False
         self._thread = threading.Thread(target=self._decode, args=(decoder_threads,), name="decoder", daemon=True)
         self._started = self._ended = False
@@ -202,6 +205,11 @@ class FrameReader(Iterator[Frame]):
             notices.append(Notice(code="damaged_frames", message=words))
         return (*notices, *self._source.notices())
 
+    def _allow(self, more: int) -> None:
+        """Let so many more images wait."""
+        for _ in range(more):
+            self._places.put(None)
+
     def _end(self) -> None:
         self.close()
         if self._read < 2:
@@ -228,6 +236,8 @@ class FrameReader(Iterator[Frame]):
                 f"{self._path}: the image size changes from {self._size[0]} x {self._size[1]} to {size[0]} x {size[1]} "
                 f"at frame {place}: expected one size throughout; cut the video there"
             )
+        if not self._read:
+            self._allow(min(self._queue_frames, _MOST_QUEUED_PX // grey.size) - _FIRST_PLACES)
         self._size = size
         self._changes[place] = self._measure_change(grey)
         self._read += 1
