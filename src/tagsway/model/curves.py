@@ -1,8 +1,13 @@
 """Everything that the figures and the page draw: they compute nothing themselves."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
 
 from tagsway.model.arrays import FloatArray
+from tagsway.model.modal import BackbonePoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +45,52 @@ class SpectrumCurve:
 
     frequency_hz: FloatArray
     amplitude: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AmplitudeCurve:
+    """Undamped frequency and ζ against the amplitude of the sway, largest first.
+
+    Parameters
+    ----------
+    amplitude_m, frequency_hz, damping_ratio : ndarray, shape (m,)
+        Of each point.
+    frequency_ci95_hz, damping_ci95 : ndarray, shape (m, 2)
+        Low and high end of their 95 % intervals.
+    """
+
+    amplitude_m: FloatArray
+    frequency_hz: FloatArray
+    frequency_ci95_hz: FloatArray
+    damping_ratio: FloatArray
+    damping_ci95: FloatArray
+
+    @classmethod
+    def of(cls, points: Sequence[BackbonePoint]) -> Self:
+        """Return the same points as columns."""
+        return cls(
+            amplitude_m=np.array([point.amplitude_m for point in points]),
+            frequency_hz=np.array([point.frequency_hz.value for point in points]),
+            frequency_ci95_hz=np.array([point.frequency_hz.ci95 for point in points]).reshape(-1, 2),
+            damping_ratio=np.array([point.damping_ratio.value for point in points]),
+            damping_ci95=np.array([point.damping_ratio.ci95 for point in points]).reshape(-1, 2),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BackboneCurve:
+    """How frequency and damping depend on the amplitude, told in two ways.
+
+    Parameters
+    ----------
+    fit : AmplitudeCurve
+        Of the one nonlinear decay.
+    pieces : AmplitudeCurve
+        Of plain decays, fitted piece by piece, each at its mean amplitude; no points where the record is too short.
+    """
+
+    fit: AmplitudeCurve
+    pieces: AmplitudeCurve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +160,7 @@ class Curves:
     decay: DecayCurve | None = None
     spectrum: SpectrumCurve | None = None
     excitation: ExcitationCurve | None = None
+    backbone: BackboneCurve | None = None
     pendulum: PendulumCurve | None = None
     residual: ResidualCurve | None = None
     trajectory: TrajectoryCurve | None = None

@@ -8,7 +8,7 @@ from tagsway.model.events import Event
 from tagsway.model.excitation import Excitation
 from tagsway.model.indicators import Indicators
 from tagsway.model.log import LogAgreement
-from tagsway.model.modal import ModalEstimate, Window
+from tagsway.model.modal import EstimatorResult, ModalEstimate, Window
 from tagsway.model.pendulum import PendulumEstimate
 from tagsway.model.settings import Settings
 from tagsway.model.shaper import Shaper
@@ -70,6 +70,36 @@ class TagsSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatorDetails:
+    """How the estimators that were asked for were made, and two more that are only shown for comparison.
+
+    Parameters
+    ----------
+    spectrum_window : str
+        Of the transform.
+    spectrum_resolution_hz : float
+        Two frequencies closer than this are one peak, however far it is padded.
+    spectrum_bin_hz : float
+        Distance of two points of the padded transform.
+    half_power : EstimatorResult
+        From the width of the peak at 1/√2; the record's own length widens it, so ζ is an upper bound.
+    decrement_cycles : int
+        n of the next; 0 where there are too few peaks.
+    decrement_over_cycles : EstimatorResult
+        From the first swing and the one n cycles later alone, δ = ln(s_0 / s_n) / n.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    spectrum_window: str
+    spectrum_resolution_hz: float
+    spectrum_bin_hz: float
+    half_power: EstimatorResult
+    decrement_cycles: int
+    decrement_over_cycles: EstimatorResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
     """All that one measurement told; None for what it did not, and a warning that says why."""
 
@@ -87,6 +117,7 @@ class Result:
     indicators: Indicators | None
     shaper: Shaper | None
     warnings: tuple[Notice, ...]
+    estimator_details: EstimatorDetails | None = None
     excitation: Excitation | None = None
     events: tuple[Event, ...] = ()
     controller_log: LogAgreement | None = None

@@ -1,6 +1,6 @@
 """From a track to all that it tells."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,8 @@ from tagsway.model import (
     TrackCurve,
     Window,
 )
+from tagsway.model.curves import AmplitudeCurve, BackboneCurve
+from tagsway.model.result import EstimatorDetails
 from tagsway.pendulum import PendulumFit, fit_pendulum
 from tagsway.pipeline.log import with_log
 from tagsway.pipeline.recording import DECODER_THREADS, Recording, describe_tags, read_recording
@@ -216,6 +218,7 @@ def _assemble(
         pendulum=pendulum.estimate,
         indicators=indicators,
         events=events,
+        estimator_details=EstimatorDetails(**{f.name: getattr(fit.details, f.name) for f in fields(fit.details)}),
         excitation=None if excited is None else excited.excitation,
         shaper=shaper,
         warnings=notices,
@@ -226,6 +229,7 @@ def _assemble(
         spectrum=fit.spectrum,
         pendulum=pendulum.curve,
         excitation=None if excited is None else excited.curve,
+        backbone=_backbone_curve(fit),
         residual=_residual_curve(shaper),
         trajectory=planned.curve if planned else None,
     )
@@ -362,6 +366,12 @@ def _track_curve(track: Track, clean: CleanTrack) -> TrackCurve:
         tcp_clean=unseen if clean.tcp is None else clean.tcp.position,
         tcp_acceleration=unseen if clean.tcp is None else clean.tcp.acceleration,
     )
+
+
+def _backbone_curve(fit: ModalFit) -> BackboneCurve | None:
+    if len(fit.estimate.backbone) < 2:
+        return None
+    return BackboneCurve(fit=AmplitudeCurve.of(fit.estimate.backbone), pieces=AmplitudeCurve.of(fit.pieces))
 
 
 def _residual_curve(shaper: Shaper | None) -> ResidualCurve | None:
