@@ -9,7 +9,6 @@ from tagsway.model import (
     Estimate,
     Estimates,
     EstimatorResult,
-    Implied,
     ModalEstimate,
     PendulumEstimate,
     VideoInfo,
@@ -139,9 +138,3 @@ def test_estimators_that_disagree_are_named() -> None:
 
 def test_a_difference_within_the_errors_is_no_disagreement() -> None:
     assert codes(a_mode(2.47, periods=says(2.71, std=0.2)), None, None) == []
-
-
-@pytest.mark.parametrize(("implied_hz", "expected"), [(2.48, []), (2.6, ["pendulum_disagrees"])])
-def test_a_pendulum_that_does_not_sway_as_its_decay_is_noticed(implied_hz, expected) -> None:
-    implied = Implied(natural_frequency_hz=implied_hz, damping_ratio=0.01)
-    assert codes(a_mode(2.47), replace(A_RADIUS, determined=True, implied=implied), None) == expected

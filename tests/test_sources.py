@@ -291,7 +291,9 @@ def test_a_column_of_degrees_takes_its_rate_from_its_header(tmp_path) -> None:
     track = read_source(file).track
     assert track.length_unit == "rad"
     assert track.time_s[-1] == pytest.approx(2.99)  # identity
-    np.testing.assert_allclose(track.pcp.position[:, 0], np.radians(angle), atol=2e-6)  # the last digit of the file, in degrees, and of the track
+    np.testing.assert_allclose(
+        track.pcp.position[:, 0], np.radians(angle), atol=2e-6
+    )  # the last digit of the file, in degrees, and of the track
 
 
 def test_a_column_without_a_rate_asks_for_it(tmp_path) -> None:

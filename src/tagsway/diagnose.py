@@ -58,7 +58,7 @@ def diagnose(
     -------
     tuple of Notice
         Codes `units_suspect`, `frame_rate_suspect`, `slow_for_its_radius`, `fast_for_its_radius`,
-        `estimators_disagree`, `pendulum_disagrees`.
+        `estimators_disagree`.
     """
     if modal is None or modal.natural_frequency_hz is None:
         return ()
@@ -68,16 +68,6 @@ def diagnose(
         *_odd_for_its_size(frequency, pendulum, video),
         *_estimators_disagree(modal),
     ]
-    if pendulum is not None and pendulum.determined and pendulum.implied is not None:
-        implied = pendulum.implied.natural_frequency_hz
-        if not abs(implied / frequency - 1) <= DISAGREEMENT_SHARE:
-            hints.append(
-                Notice(
-                    code="pendulum_disagrees",
-                    message=f"the fitted pendulum sways at {implied:.3f} Hz, its decay at {frequency:.3f} Hz: the "
-                    "payload is not one pendulum, or the window holds more than its free decay",
-                )
-            )
     return tuple(hints)
 
 

@@ -47,6 +47,7 @@ def simulate_sway(
     *,
     angle_rad: FloatArray | float = 0.0,
     momentum_rad_s: FloatArray | float | None = None,
+    stiction_rate_rad_s: float = STICTION_RATE_RAD_S,
 ) -> tuple[FloatArray, FloatArray]:
     """Simulate the angle of m pendulums under one pivot, or a pivot each.
 
@@ -63,6 +64,8 @@ def simulate_sway(
         q at the first node.
     momentum_rad_s : ndarray, shape (m,), or float, optional
         p at the first node; by default that of a pendulum that does not turn (q' = 0).
+    stiction_rate_rad_s : float
+        Rate over which dry friction's sign is smoothed: a fit by slopes wants it wider than a simulation.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def simulate_sway(
     Notes
     -----
     The classical fourth-order Runge-Kutta rule; a jump of the pivot's acceleration keeps its order where it falls on a
-    node. Dry friction's sign is smoothed over 1e-3 rad/s: where it reverses, the order does not hold, and neither does
+    node. Dry friction's sign is smoothed: where it reverses, the order does not hold, and neither does
     the standstill that real stiction ends in.
     """
     velocity = pivot_velocity_m_s if pivot_velocity_m_s.ndim == 3 else pivot_velocity_m_s[:, :, None]
@@ -80,7 +83,7 @@ def simulate_sway(
         raise ValueError(f"{len(time_s)} nodes need {2 * len(time_s) - 1} pivot velocities, not {len(velocity)}")
     m = max(len(ensemble.length_m), velocity.shape[2])
     push = velocity / ensemble.length_m
-    slopes = _slopes_of(ensemble)
+    slopes = _slopes_of(ensemble, stiction_rate_rad_s)
     q = np.broadcast_to(np.asarray(angle_rad, dtype=float), (m,))
     if momentum_rad_s is None:
         p = push[0, 0] * np.cos(q) + push[0, 1] * np.sin(q)
@@ -101,7 +104,9 @@ def simulate_sway(
     return angles, momenta - push[::2, 0] * np.cos(angles) - push[::2, 1] * np.sin(angles)
 
 
-def _slopes_of(ensemble: PendulumEnsemble) -> Callable[[FloatArray, FloatArray, FloatArray], _Slopes]:
+def _slopes_of(
+    ensemble: PendulumEnsemble, stiction_rate: float
+) -> Callable[[FloatArray, FloatArray, FloatArray], _Slopes]:
     """Return (q', p') as a function of q, p and the pivot's velocity over l."""
     gravity = GRAVITY_M_S2 / ensemble.length_m
     stiffness = ensemble.stiffness_over_inertia_rad2_s2
@@ -119,7 +124,7 @@ def _slopes_of(ensemble: PendulumEnsemble) -> Callable[[FloatArray, FloatArray, 
             brake = brake + drag * np.abs(rate)
         slope = -(gravity * sine + stiffness * q + brake * rate)
         if rubbed:
-            slope = slope - friction * np.tanh(rate / STICTION_RATE_RAD_S)
+            slope = slope - friction * np.tanh(rate / stiction_rate)
         return rate, slope
 
     return slopes

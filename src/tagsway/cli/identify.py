@@ -32,6 +32,13 @@ def run(
     camera: Annotated[Path | None, typer.Option(help="camera.json of a known lens.")] = None,
     up: Annotated[str, typer.Option(help="Where up is: image, reference, or degrees.")] = "image",
     mass: Annotated[float | None, typer.Option(help="The product's mass in g: gives k and b.")] = None,
+    point_mass: Annotated[
+        bool, typer.Option("--point-mass", help="State that the product is a point at its tag: a decay then tells k.")
+    ] = False,
+    length: Annotated[float | None, typer.Option(help="State the equivalent length in mm, measured by hand.")] = None,
+    other: Annotated[
+        Path | None, typer.Option("--with", help="result.json of another mass at the same arm.", metavar="RESULT")
+    ] = None,
     sway_axis: Annotated[
         str | None, typer.Option(help="Axis of the sway: x, z, or degrees.", show_default="found")
     ] = None,
@@ -61,6 +68,9 @@ def run(
         camera=None if camera is None else str(camera),
         up=up,
         mass_kg=_metres(mass),
+        point_mass=point_mass,
+        length_m=_metres(length),
+        other=None if other is None else str(other),
         sway_axis=sway_axis,
         window=None if window is None else _window(window),
         frequency_spread_percent=frequency_spread,

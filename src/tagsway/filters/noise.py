@@ -16,6 +16,28 @@ LARGEST_RESIDUAL_STD = 3.0
 """A residual counts as no more than this: one spike must not make its neighbours noisy."""
 
 
+BEST_PERCENT = 2.0
+"""Of a record's samples: so many are as sure as the images alone allow."""
+
+
+def find_image_noise(std: FloatArray) -> float:
+    """Return the standard error that the images' own noise leaves, without a codec's share.
+
+    Parameters
+    ----------
+    std : ndarray
+        Stated standard errors of a whole record; what is not finite is left out.
+
+    Returns
+    -------
+    float
+        That of the best samples but the very best; 0 where none is stated. A tag at rest has the images' noise alone;
+        what comes on top of it in motion is a codec's, or a blur's.
+    """
+    stated = std[np.isfinite(std)]
+    return float(np.percentile(stated, BEST_PERCENT)) if len(stated) else 0.0
+
+
 def measure_noise(time_s: FloatArray, values: FloatArray, std: FloatArray) -> FloatArray:
     """Return the noise of each sample, from how far it and its neighbours lie off a smoothing spline.
 

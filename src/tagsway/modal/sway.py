@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from tagsway.errors import InputError, NotIdentifiableError
+from tagsway.filters import find_image_noise
 from tagsway.model import BoolArray, FloatArray, IntArray, Track, Window
 
 MAD_TO_STD = 1.4826
@@ -14,10 +15,6 @@ MAD_TO_STD = 1.4826
 
 DRIVEN = 2.0
 """Standard deviation of the tool's position over its noise from which its motion is tried as an input."""
-
-
-BEST_PERCENT = 2.0
-"""Of a record's samples: so many are as sure as the images alone allow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +166,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         time_s=time,
         value=value,
         spread=_spread(stated),
-        stated_std=_least(np.hypot(*(whole_std * direction).T)),
+        stated_std=find_image_noise(np.hypot(*(whole_std * direction).T)),
         curvature=curvature,
         curvature_std=curvature_std,
         planar=planar,
@@ -178,14 +175,8 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         drive_std=drive_std,
         angle_rad=track.pcp.angle_rad[kept],
         angle_std_rad=track.pcp.angle_std_rad[kept],
-        angle_stated_std=_least(track.pcp.angle_std_rad),
+        angle_stated_std=find_image_noise(track.pcp.angle_std_rad),
     )
-
-
-def _least(stated: FloatArray) -> float:
-    """Return the standard error of the best samples, but the very best; 0 where none is stated."""
-    known = stated[np.isfinite(stated)]
-    return float(np.percentile(known, BEST_PERCENT)) if len(known) else 0.0
 
 
 def _find_drive(track: Track, kept: IntArray, direction: FloatArray) -> tuple[FloatArray | None, float]:

@@ -17,6 +17,7 @@ from tagsway.model.curves import (
     ExcitationCurve,
     PendulumCurve,
     ResidualCurve,
+    RidgeCurve,
     SpectrumCurve,
     TrackCurve,
     TrajectoryCurve,
@@ -38,7 +39,16 @@ from tagsway.model.modal import (
     Window,
 )
 from tagsway.model.move import ArcThrough, Limits, Move, Robot
-from tagsway.model.pendulum import GRAVITY_M_S2, Implied, Pendulum, PendulumEstimate
+from tagsway.model.pendulum import (
+    GRAVITY_M_S2,
+    Implied,
+    ModalDeviation,
+    Pendulum,
+    PendulumEstimate,
+    PointMassFit,
+    Prior,
+    TwoMasses,
+)
 from tagsway.model.plan import CameraHints, Need, Plan, PlannedError, PlannedMeasurement
 from tagsway.model.repeats import RandomEffects, Rejection, RepeatSummary
 from tagsway.model.result import (
@@ -99,6 +109,7 @@ __all__ = [
     "JointPath",
     "Limits",
     "LogAgreement",
+    "ModalDeviation",
     "ModalEstimate",
     "Mode",
     "ModeEstimate",
@@ -114,6 +125,8 @@ __all__ = [
     "PlaneView",
     "PlannedError",
     "PlannedMeasurement",
+    "PointMassFit",
+    "Prior",
     "Progress",
     "RandomEffects",
     "Rejection",
@@ -122,6 +135,7 @@ __all__ = [
     "ResidualAcceleration",
     "ResidualCurve",
     "Result",
+    "RidgeCurve",
     "Robot",
     "SampledTrajectory",
     "SeenTag",
@@ -140,6 +154,7 @@ __all__ = [
     "TrackCurve",
     "Trajectory",
     "TrajectoryCurve",
+    "TwoMasses",
     "VideoInfo",
     "Window",
 ]

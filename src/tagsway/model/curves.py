@@ -134,6 +134,15 @@ class PendulumCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RidgeCurve:
+    """The ridge of (l, k/J), shape (n,): each length with the k/J that then fits best, and what that costs in χ²."""
+
+    length_m: FloatArray
+    stiffness_over_inertia_rad2_s2: FloatArray
+    delta_chi2: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualCurve:
     """Residual vibration V of the shaper over the natural frequency."""
 
@@ -164,3 +173,4 @@ class Curves:
     pendulum: PendulumCurve | None = None
     residual: ResidualCurve | None = None
     trajectory: TrajectoryCurve | None = None
+    ridge: RidgeCurve | None = None

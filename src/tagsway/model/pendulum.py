@@ -72,6 +72,83 @@ class Implied:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Prior:
+    """What was assumed before the data, and how firmly.
+
+    Parameters
+    ----------
+    name : str
+        "scale", "relative_scale", "vertical_scale", "gravity_tilt", "quadratic_drag", "dry_friction"; where the user
+        stated it "length_over_radius" or "length".
+    value, std : float
+        Its mean and standard deviation.
+    unit : str
+        Of both; "1" for a ratio.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModalDeviation:
+    """The fitted pendulum against the decay's own mode: percent of f_n, and of the damping ratio at that swing."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    natural_frequency_percent: float
+    damping_ratio_percent: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointMassFit:
+    """What the thesis' own way of estimating finds, for comparison only.
+
+    f_n and ζ are those of the decay, the payload is a point mass at its tag (r = l), and l is where the simulated
+    positions come nearest to the measured ones. It tells nothing of its errors.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    length_m: float
+    stiffness_over_inertia_rad2_s2: float
+    damping_over_inertia_rad_s: float
+    stiffness_n_m_per_rad: float | None
+    damping_n_m_s_per_rad: float | None
+    rms_residual_m: float
+    max_residual_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoMasses:
+    """What two payload masses at the same arm tell together.
+
+    Parameters
+    ----------
+    file : str
+        The other result.
+    mass_kg : float
+        The other mass.
+    length_m, stiffness_n_m_per_rad : Estimate
+        l and k of point masses at one arm on one spring; their errors hold 0.5 mm of difference between the arms.
+    stiffness_shift_percent : float
+        By how much k moves where the arms differ by 0.5 mm.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    file: str
+    mass_kg: float
+    length_m: Estimate
+    stiffness_n_m_per_rad: Estimate
+    stiffness_shift_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PendulumEstimate:
     """What a track tells of the pendulum, and what it does not.
 
@@ -103,6 +180,16 @@ class PendulumEstimate:
         Mode of the fitted pendulum.
     rms_residual_m, max_residual_m : float or None
         Of the sway, measured minus simulated.
+    coulomb_friction_rad_s2 : Estimate or None
+        Dry friction's angular acceleration c.
+    deviation : ModalDeviation or None
+        Of the fitted pendulum's mode from the decay's.
+    comparison : PointMassFit or None
+        The thesis' own way of estimating.
+    two_masses : TwoMasses or None
+        What another payload mass adds, where one was given.
+    priors : tuple of Prior
+        What was assumed, each with its width.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
@@ -123,6 +210,11 @@ class PendulumEstimate:
     implied: Implied | None
     rms_residual_m: float | None
     max_residual_m: float | None
+    coulomb_friction_rad_s2: Estimate | None = None
+    deviation: ModalDeviation | None = None
+    comparison: PointMassFit | None = None
+    two_masses: TwoMasses | None = None
+    priors: tuple[Prior, ...] = ()
 
     @classmethod
     def unknown(cls, reason: str, *, mass_kg: float | None = None) -> "PendulumEstimate":

@@ -31,6 +31,12 @@ class Settings:
         "image", "reference" or an angle in degrees.
     mass_kg : float or None
         Of the product.
+    point_mass : bool
+        States that the product is a point mass at its tag: r = l.
+    length_m : float or None
+        States the equivalent length l, measured by hand.
+    other : str or None
+        result.json of another payload mass at the same arm.
     sway_axis : str or None
         "x", "z" or an angle in degrees from x; None to find it.
     window : Window or None
@@ -57,6 +63,9 @@ class Settings:
     camera: str | None = None
     up: str = "image"
     mass_kg: float | None = None
+    point_mass: bool = False
+    length_m: float | None = None
+    other: str | None = None
     sway_axis: str | None = None
     window: Window | None = None
     frequency_spread_percent: float | None = None
@@ -70,11 +79,14 @@ class Settings:
             "the TCP tag's size": (self.tcp_tag_size_m, 1000.0, "the side of its black square in mm"),
             "the PCP tag's size": (self.pcp_tag_size_m, 1000.0, "the side of its black square in mm"),
             "--mass": (self.mass_kg, 1000.0, "the product's mass in g"),
+            "--length": (self.length_m, 1000.0, "the equivalent length in mm"),
             "--frequency-spread": (self.frequency_spread_percent, 1.0, "a standard deviation in percent"),
         }
         for name, (value, unit, what) in positive.items():
             if value is not None and not (value > 0 and math.isfinite(value)):
                 raise InputError(f"{name} is {value * unit:g}: expected {what}, a positive number")
+        if self.other is not None and self.mass_kg is None:
+            raise InputError("--with needs --mass, the mass of this product in g, beside that of the other result")
         named = [self.tcp_id, self.pcp_id, *([] if self.reference_id is None else [self.reference_id])]
         if min(named) < 0:
             raise InputError(f"tag ids are {named}: expected numbers from 0")

@@ -2,5 +2,6 @@
 
 from tagsway.pendulum.arc import Arc, fit_arc
 from tagsway.pendulum.estimate import PendulumFit, fit_pendulum
+from tagsway.pendulum.two_masses import combine_masses
 
-__all__ = ["Arc", "PendulumFit", "fit_arc", "fit_pendulum"]
+__all__ = ["Arc", "PendulumFit", "combine_masses", "fit_arc", "fit_pendulum"]

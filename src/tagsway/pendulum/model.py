@@ -8,13 +8,16 @@ from tagsway.dynamics import PendulumEnsemble, simulate_sway
 from tagsway.model import GRAVITY_M_S2, FloatArray
 from tagsway.pendulum.record import Record
 
+SMOOTH_RATE_RAD_S = 0.05
+"""Over which dry friction's sign is smoothed: wide enough for slopes and steps, 1 % of the rate of a usual swing."""
+
 
 class Unknown(IntEnum):
     """Place of each unknown in a parameter vector.
 
-    f and l are nearly independent of each other, l and k are not: (f, l, r, ζ) are fitted and k follows. The last four
-    belong to the camera: what it shows as a length, in both tags, in one against the other, along z; and how far its
-    vertical is from gravity's.
+    f and l are nearly independent of each other, l and k are not: (f, l, r, ζ) are fitted and k follows. Dry friction
+    is the angle at which it would hold the pendulum, c/ω_n². The last four belong to the camera: what it shows as a
+    length, in both tags, in one against the other, along z; and how far its vertical is from gravity's.
     """
 
     LOG_FREQUENCY = 0
@@ -22,19 +25,20 @@ class Unknown(IntEnum):
     LOG_RADIUS = 2
     DAMPING_RATIO = 3
     DRAG = 4
-    OFFSET_X = 5
-    OFFSET_Z = 6
-    ANGLE = 7
-    RATE = 8
-    TAG_ANGLE = 9
-    SCALE = 10
-    RELATIVE_SCALE = 11
-    VERTICAL_SCALE = 12
-    TILT = 13
+    FRICTION = 5
+    OFFSET_X = 6
+    OFFSET_Z = 7
+    ANGLE = 8
+    RATE = 9
+    TAG_ANGLE = 10
+    SCALE = 11
+    RELATIVE_SCALE = 12
+    VERTICAL_SCALE = 13
+    TILT = 14
 
 
 def angular_frequency(parameters: FloatArray) -> FloatArray:
-    """Return ω_n of parameters of shape (14, ...)."""
+    """Return ω_n of parameters of shape (15, ...)."""
     return np.asarray(2 * np.pi * np.exp(parameters[Unknown.LOG_FREQUENCY]))
 
 
@@ -58,6 +62,11 @@ def damping_over_inertia(parameters: FloatArray) -> FloatArray:
     return np.asarray(2 * parameters[Unknown.DAMPING_RATIO] * angular_frequency(parameters))
 
 
+def coulomb_friction(parameters: FloatArray) -> FloatArray:
+    """Return c, dry friction's angular acceleration."""
+    return np.asarray(parameters[Unknown.FRICTION] * angular_frequency(parameters) ** 2)
+
+
 def predict_angle(record: Record, parameters: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
     """Return the pendulum's angle at the record's samples.
 
@@ -65,7 +74,7 @@ def predict_angle(record: Record, parameters: FloatArray, velocity_m_s: FloatArr
     ----------
     record : Record
         Gives the nodes and the samples' times.
-    parameters : ndarray, shape (14, m)
+    parameters : ndarray, shape (15, m)
         One set a column.
     velocity_m_s : ndarray, shape (2 k - 1, 2) or (2 k - 1, 2, m)
         The TCP's, as the camera saw it.
@@ -95,12 +104,13 @@ def predict_angle(record: Record, parameters: FloatArray, velocity_m_s: FloatArr
             stiffness_over_inertia_rad2_s2=stiffness_over_inertia(p),
             damping_over_inertia_rad_s=damping_over_inertia(p),
             quadratic_drag_per_rad=p[Unknown.DRAG],
-            coulomb_friction_rad_s2=np.zeros(columns),
+            coulomb_friction_rad_s2=np.broadcast_to(coulomb_friction(p), columns),
         ),
         record.nodes_s,
         true_velocity,
         angle_rad=angle,
         momentum_rad_s=p[Unknown.RATE] + push,
+        stiction_rate_rad_s=SMOOTH_RATE_RAD_S,
     )
     step = record.nodes_s[1] - record.nodes_s[0]
     place = np.clip((record.time_s - record.nodes_s[0]) / step, 0.0, len(record.nodes_s) - 1)
@@ -117,7 +127,7 @@ def predict(record: Record, parameters: FloatArray, velocity_m_s: FloatArray | N
     ----------
     record : Record
         The samples and the pivot's motion.
-    parameters : ndarray, shape (14, m)
+    parameters : ndarray, shape (15, m)
         One set a column.
     velocity_m_s : ndarray, shape (2 k - 1, 2, m), optional
         Another velocity of the TCP than the record's.

@@ -10,6 +10,8 @@ from scipy.interpolate import make_interp_spline
 from tagsway.errors import NotIdentifiableError
 from tagsway.filters import (
     SmoothingSpline,
+    find_image_noise,
+    find_moves,
     find_track_spikes,
     fit_smoothing_spline,
     fit_tag_splines,
@@ -27,8 +29,8 @@ About 50 directions of it rise above the noise: with 100 draws l still moves by 
 LEAST_SAMPLES = 30
 """Two for each unknown, and a little."""
 
-LONGEST_STEPS = 1200
-"""Steps of the simulation: a longer record is cut at its end (25 swings, less for a fast camera)."""
+LONGEST_STEPS = 720
+"""Steps of the simulation: a longer record is cut at its end (15 swings, less for a fast camera)."""
 
 STEP_RAD = 0.13
 """Step of the simulation in radians of the swing's phase: the phase is off by 2 parts in a million."""
@@ -45,8 +47,8 @@ LEAST_TURN_RAD, TURN_OVER_NOISE = 0.01, 10.0
 MARGIN_S = 0.3
 """Samples on both sides of the record that steady its splines at the ends."""
 
-LEAD_IN_S, STANDSTILL_S = 0.1, 0.3
-"""Rest before the move that is fitted with it; a stop longer than the second separates two moves."""
+LEAD_IN_S = 0.1
+"""Rest before the move that is fitted with it."""
 
 CODEC_MEMORY_S = 0.1
 """How long a codec keeps to one error of a moving block: H.264's errors wander over 20 to 100 frames at 200 fps."""
@@ -63,6 +65,8 @@ class Record:
     ----------
     time_s : ndarray, shape (n,)
         Times of the samples.
+    angular_frequency_rad_s : float
+        About ω_n, as the record was chosen for it.
     std_stated : bool
         Whether the track states its noise, or the residuals have to say.
     sway_m, sway_std_m : ndarray, shape (n, 2)
@@ -90,6 +94,7 @@ class Record:
     """
 
     time_s: FloatArray
+    angular_frequency_rad_s: float
     std_stated: bool
     sway_m: FloatArray
     sway_std_m: FloatArray
@@ -130,7 +135,7 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
     -------
     Record
         From 0.1 s before the last move before the window (from the window's start if the pivot stands) to the window's
-        end, cut where it would need more than 1200 steps of 0.13 / ω_n.
+        end, cut where it would need more than 720 steps of 0.13 / ω_n.
 
     Raises
     ------
@@ -165,6 +170,7 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
         std_stated=bool(np.any(track.pcp.position_std > 0)),
         sway_m=(near.pcp.position - near.tool.position)[inside],
         sway_std_m=np.hypot(_noise(time, near.pcp, find_track_spikes(time, near.pcp)), noise)[inside],
+        angular_frequency_rad_s=angular_frequency_rad_s,
         angle_rad=near.pcp.angle_rad[inside],
         angle_std_rad=_usable_std(near.pcp.angle_std_rad, LEAST_STD_RAD, FALLBACK_STD_RAD)[inside],
         tool_m=path - path.mean(axis=0),
@@ -239,13 +245,13 @@ class _Vicinity:
             )
         paths = fit_tag_splines(self.time_s, self.tool, self.left_out)
         before = seen[seen < window.start_s]
-        if len(before) > 1 and _travel(paths, before) > LEAST_TRAVEL_M:
-            speed = np.hypot(paths[0](before, 1), paths[1](before, 1))
-            least = MOVING_SHARE * float(np.max(speed))
-            moving = before[speed > least]
-            stops = np.flatnonzero(np.diff(moving) > STANDSTILL_S)
-            first = moving[stops[-1] + 1] if len(stops) else moving[0]
-            return float(max(first - LEAD_IN_S, seen[0])), least
+        if len(before) > 1:
+            velocity = np.column_stack([path(before, 1) for path in paths])
+            place = np.column_stack([path(before) for path in paths])
+            moves = find_moves(before, place, velocity, least=LEAST_TRAVEL_M)
+            if moves:
+                least = MOVING_SHARE * float(np.max(np.hypot(*velocity.T)))
+                return float(max(moves[-1].start_s - LEAD_IN_S, seen[0])), least
         start = max(window.start_s, float(seen[0]))
         after = seen[seen >= start]
         if not _travel(paths, after) > LEAST_TRAVEL_M:
@@ -306,10 +312,10 @@ def _draw_codec_drag(
 ) -> FloatArray:
     """Return draws of the velocity by which a codec may have dragged the tool's tag, shape (2 k - 1, 2, draws).
 
-    As large as the noise beyond the stated one, and as slow as a codec changes its mind; nothing for raw video.
+    As large as the noise beyond the images' own, and as slow as a codec changes its mind; nothing for raw video.
     """
-    stated = np.where(np.isfinite(tool.position_std), tool.position_std, 0.0)
-    excess = np.sqrt(np.maximum(noise_m**2 - stated**2, 0.0)) if np.any(stated > 0) else np.zeros_like(noise_m)
+    images = np.array([find_image_noise(axis) for axis in tool.position_std.T])
+    excess = np.sqrt(np.maximum(noise_m**2 - images**2, 0.0)) if np.any(images > 0) else np.zeros_like(noise_m)
     knots = np.arange(halves_s[0], halves_s[-1] + 2 * CODEC_MEMORY_S, CODEC_MEMORY_S)
     wander = make_interp_spline(knots, rng.normal(size=(len(knots), 2, DRAWS)), k=3)(halves_s)
     size = np.column_stack([np.interp(halves_s, time_s, column) for column in excess.T])

@@ -60,7 +60,7 @@ def find_starts(record: Record, arc: Arc, modal: ModalEstimate) -> list[FloatArr
 
     Returns
     -------
-    list of ndarray, shape (14,)
+    list of ndarray, shape (15,)
         The grid's best, and where the swing is large the two next best of another length.
     """
     base = _base(record, arc, modal)

@@ -41,6 +41,7 @@ from tagsway.model.curves import AmplitudeCurve, BackboneCurve
 from tagsway.model.result import EstimatorDetails
 from tagsway.pendulum import PendulumFit, fit_pendulum
 from tagsway.pipeline.log import with_log
+from tagsway.pipeline.other_mass import add_mass, read_other_mass
 from tagsway.pipeline.recording import DECODER_THREADS, Recording, describe_tags, read_recording
 from tagsway.pipeline.shaping import PlannedMove, plan_shaped_move
 from tagsway.shapers import SHAPER_TYPES, design_shaper, residual_curve
@@ -71,8 +72,10 @@ HARMLESS = frozenset(
         "pendulum_record_shortened",
         "plain_scale",
         "point_mass_equivalent",
+        "prior_stated",
         "single_measurement",
         "slow_for_its_radius",
+        "two_masses",
     }
 )
 """Codes of warnings that say what a measurement cannot tell, not that something was wrong with it."""
@@ -150,6 +153,7 @@ def identify(
     if move is not None:
         plan_move(move)  # a move that cannot be is refused before the work
     steps = steps or StepStore()
+    other = None if settings.other is None else read_other_mass(Path(settings.other))
     recording = read_recording(file, settings, steps=steps, progress=progress, decoder_threads=decoder_threads)
     if settings.log is not None:
         recording = with_log(recording, Path(settings.log), None if move is None else move.robot)
@@ -164,7 +168,13 @@ def identify(
         "pendulum",
         PendulumFit,
         lambda: fit_pendulum(
-            recording.track, free.window, fit.estimate, mass_kg=settings.mass_kg, rng=np.random.default_rng(0)
+            recording.track,
+            free.window,
+            fit.estimate,
+            mass_kg=settings.mass_kg,
+            point_mass=settings.point_mass,
+            length_m=settings.length_m,
+            rng=np.random.default_rng(0),
         ),
         depends_on=[
             track_digest(recording.track),
@@ -172,8 +182,12 @@ def identify(
             to_document(fit.estimate),
             settings.mass_kg,
             settings.sway_axis,
+            settings.point_mass,
+            settings.length_m,
         ],
     )
+    if other is not None:
+        pendulum = add_mass(pendulum, fit.estimate, other)
     shaper = _design(settings, fit, name_film(file))
     planned = None if move is None or shaper is None else plan_shaped_move(move, shaper)
     return _assemble(
@@ -228,6 +242,7 @@ def _assemble(
         decay=fit.decay,
         spectrum=fit.spectrum,
         pendulum=pendulum.curve,
+        ridge=pendulum.ridge,
         excitation=None if excited is None else excited.curve,
         backbone=_backbone_curve(fit),
         residual=_residual_curve(shaper),
@@ -264,8 +279,8 @@ def _use(window: Window, events: tuple[Event, ...]) -> FreeVibration:
     )
     if lost is not None:
         raise InputError(
-            f"--window ends at {window.end_s:g} s, and the product comes off at {lost.time_s.value:.3f} s: a fall is no "
-            "free vibration; end it before"
+            f"--window ends at {window.end_s:g} s, and the product comes off at {lost.time_s.value:.3f} s: a fall is "
+            "no free vibration; end it before"
         )
     return FreeVibration(window=window, notices=())
 

@@ -1,0 +1,144 @@
+"""The ridge on which l and k/J trade against each other: a profile of the likelihood over l."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from tagsway.model import Estimate, FloatArray, RidgeCurve
+from tagsway.model.estimate import NORMAL_95
+from tagsway.pendulum.fit import Solution
+from tagsway.pendulum.model import Unknown, length_m, stiffness_over_inertia
+from tagsway.pendulum.problem import Problem
+
+POINTS = 15
+"""Lengths of the profile, evenly on both sides of the best."""
+
+REACH_STD = 3.5
+"""How far it goes, in standard errors of ln l as the fit states it: a Δχ² of 12."""
+
+LONGEST_REACH = 0.7
+"""In ln l: a factor of two, beyond which no interval is told."""
+
+CHORDS = 3
+"""Steps with one set of slopes: each leaves about as much of the way as the slopes change along it."""
+
+NARROW_REACH = 0.05
+"""Up to which the slopes at the best fit serve for all lengths."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ridge:
+    """The best fit for each of several lengths.
+
+    Parameters
+    ----------
+    solution : Solution
+        The best of all.
+    parameters : ndarray, shape (15, m)
+        In the order of l.
+    delta_chi2 : ndarray, shape (m,)
+        What each costs more than the best.
+    """
+
+    solution: Solution
+    parameters: FloatArray
+    delta_chi2: FloatArray
+
+    @classmethod
+    def of(cls, problem: Problem, solution: Solution) -> Self:
+        """Return the profile over l of a fit.
+
+        Parameters
+        ----------
+        problem : Problem
+            What the fit made small.
+        solution : Solution
+            Its minimum.
+
+        Notes
+        -----
+        With l fixed, all other unknowns follow by Gauss-Newton from where the covariance puts them; all lengths are
+        simulated at a time. χ² counts the samples' part by the excess of the residuals, as the covariance does.
+        """
+        spread = solution.std(lambda p: p[Unknown.LOG_LENGTH], of_fit=True)
+        reach = min(REACH_STD * spread, LONGEST_REACH) if math.isfinite(spread) else LONGEST_REACH
+        shift = np.linspace(-reach, reach, POINTS)
+        column = solution.covariance[:, Unknown.LOG_LENGTH]
+        along = column / max(column[Unknown.LOG_LENGTH], 1e-300)
+        along[Unknown.LOG_LENGTH] = 1.0
+        parameters = solution.parameters[:, None] + along[:, None] * shift
+        rows = len(problem.rows)
+        weight = np.ones(len(problem.residual(solution.parameters[problem.free])))
+        weight[:-rows] = 1 / math.sqrt(solution.excess)
+
+        left = problem.residuals(parameters)
+        if reach > NARROW_REACH:
+            slopes = problem.linearise(parameters)[1]
+        else:
+            slopes = problem.jacobian(solution.parameters[problem.free])[:, :, None]
+        others = problem.free != Unknown.LOG_LENGTH
+        best, cost = parameters, _cost(left, weight)
+        steps = [np.linalg.pinv(np.nan_to_num(weight[:, None] * slopes[:, others, i])) for i in range(slopes.shape[2])]
+        for _ in range(CHORDS):
+            parameters = parameters.copy()
+            for i in range(POINTS):
+                step = steps[min(i, len(steps) - 1)]
+                parameters[problem.free[others], i] -= step @ np.nan_to_num(weight * left[:, i])
+            left = problem.residuals(parameters)
+            now = _cost(left, weight)
+            better = now < cost
+            best, cost = np.where(better, parameters, best), np.minimum(now, cost)
+        return cls(solution=solution, parameters=best, delta_chi2=cost - np.min(cost))
+
+    def curve(self) -> RidgeCurve:
+        """Return what is drawn."""
+        drawn = np.isfinite(self.delta_chi2)
+        return RidgeCurve(
+            length_m=length_m(self.parameters)[drawn],
+            stiffness_over_inertia_rad2_s2=stiffness_over_inertia(self.parameters)[drawn],
+            delta_chi2=self.delta_chi2[drawn],
+        )
+
+    def estimate(self, quantity: Callable[[FloatArray], FloatArray]) -> Estimate:
+        """Return a function of the parameters that hangs on l, with the interval of the profile.
+
+        Parameters
+        ----------
+        quantity : callable
+            Of parameters of shape (15, m), to shape (m,).
+
+        Returns
+        -------
+        Estimate
+            Its interval lies where Δχ² passes 3.84, wider where the bootstrap says more than the fit; what scatters
+            beside l is added. Beyond the profile it ends with the profile.
+        """
+        solution = self.solution
+        value, std = float(quantity(solution.parameters[:, None])[0]), solution.std(quantity)
+        of_fit = solution.std(quantity, of_fit=True)
+        slope, of_length = self._slope(quantity), solution.std(lambda p: p[Unknown.LOG_LENGTH], of_fit=True)
+        aside = math.sqrt(max(of_fit**2 - (slope * of_length) ** 2, 0.0))
+        wider = std / of_fit if of_fit > 0 else 1.0
+        middle = np.argmin(self.delta_chi2)
+        sign = np.where(np.arange(POINTS) < middle, -1.0, 1.0)
+        score = np.maximum.accumulate(sign * np.sqrt(self.delta_chi2))
+        ends = np.interp([-NORMAL_95 * wider, NORMAL_95 * wider], score, quantity(self.parameters))
+        gaps = np.hypot([min(*ends, value) - value, max(*ends, value) - value], NORMAL_95 * wider * aside)
+        return Estimate(value=value, std=std, ci95=(value - float(gaps[0]), value + float(gaps[1])))
+
+    def _slope(self, quantity: Callable[[FloatArray], FloatArray]) -> float:
+        """Return how a quantity changes with ln l along the ridge."""
+        step = np.zeros(len(Unknown))
+        column = self.solution.covariance[:, Unknown.LOG_LENGTH]
+        if column[Unknown.LOG_LENGTH] > 0:
+            step = 1e-6 * column / column[Unknown.LOG_LENGTH]
+        ends = quantity(self.solution.parameters[:, None] + np.stack([-step, step], axis=1))
+        return float(ends[1] - ends[0]) / 2e-6
+
+
+def _cost(left: FloatArray, weight: FloatArray) -> FloatArray:
+    cost = np.sum((weight[:, None] * left) ** 2, axis=0)
+    return np.where(np.isfinite(cost), cost, np.inf)
