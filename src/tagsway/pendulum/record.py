@@ -244,14 +244,14 @@ class _Vicinity:
                 f"the tool's tag was seen in {len(seen)} frames only: expected at least {LEAST_SAMPLES}"
             )
         paths = fit_tag_splines(self.time_s, self.tool, self.left_out)
-        before = seen[seen < window.start_s]
-        if len(before) > 1:
-            velocity = np.column_stack([path(before, 1) for path in paths])
-            place = np.column_stack([path(before) for path in paths])
-            moves = find_moves(before, place, velocity, least=LEAST_TRAVEL_M)
-            if moves:
-                least = MOVING_SHARE * float(np.max(np.hypot(*velocity.T)))
-                return float(max(moves[-1].start_s - LEAD_IN_S, seen[0])), least
+        velocity = np.column_stack([path(seen, 1) for path in paths])
+        place = np.column_stack([path(seen) for path in paths])
+        moves = [
+            move for move in find_moves(seen, place, velocity, least=LEAST_TRAVEL_M) if move.start_s < window.start_s
+        ]
+        if moves:
+            least = MOVING_SHARE * float(np.max(np.hypot(*velocity[seen < window.start_s].T)))
+            return float(max(moves[-1].start_s - LEAD_IN_S, seen[0])), least
         start = max(window.start_s, float(seen[0]))
         after = seen[seen >= start]
         if not _travel(paths, after) > LEAST_TRAVEL_M:
