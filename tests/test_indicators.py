@@ -133,6 +133,21 @@ def test_a_simulated_move_uses_the_same_definitions() -> None:
     assert vector.value == pytest.approx(np.hypot(horizontal.value, GRAVITY_M_S2), rel=1e-6)
 
 
+def test_a_lifted_product_has_its_error_in_the_box() -> None:
+    time = np.arange(START_S, 4.4, 1e-3)
+    share = np.clip((time - START_S) / (END_S - START_S), 0, 1)
+    lift = np.stack([0 * time, 0.12 * np.sin(np.pi * share)], axis=1)
+    found = indicators_of(
+        **simulated(tcp_m=tool(time) + lift, pcp_m=product(time) + lift),  # type: ignore[arg-type]
+        final_m=np.array([TRAVEL_M, -0.05]),
+        bandwidth_hz=500.0,
+    )
+    below = time > time[np.flatnonzero(lift[:, 1] >= 0.05)[-1]]
+    expected = np.abs(product(time)[below, 0] - TRAVEL_M).max()
+    assert found.box_error_m == pytest.approx(expected, rel=1e-9)  # identity
+    assert indicators_of(**simulated(), bandwidth_hz=500.0).box_error_m is None  # type: ignore[arg-type]
+
+
 def test_a_reference_of_its_own_changes_the_percentages_only() -> None:
     travel = indicators_of(**simulated(), bandwidth_hz=500.0)  # type: ignore[arg-type]
     place = indicators_of(**simulated(), reference_m=0.35, bandwidth_hz=500.0)  # type: ignore[arg-type]

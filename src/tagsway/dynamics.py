@@ -7,7 +7,12 @@ tag sits at (X + r sin q, Z - r cos q). With p, a momentum per inertia,
     p' = -(b/J) q' - (k/J) q - (g/l) sin q - d q' |q'| - c sign(q') - q' (X' sin q - Z' cos q) / l
 
 only the pivot's *velocity* is needed: a measured path is differentiated once, and a jump of the acceleration stays
-inside a step.
+inside a step (`simulate_sway`). Of a planned move the acceleration is known piece by piece, and gravity and the pivot
+together are one pull of size H = |(X'', g + Z'')| that leans by φ = atan2(X'', g + Z''),
+
+    q'' = -(b/J) q' - (k/J) q - d q' |q'| - c sign(q') - (H/l) sin(q + φ)
+
+which takes one sine a stage (`simulate_planned`).
 """
 
 from collections.abc import Callable
@@ -38,6 +43,41 @@ class PendulumEnsemble:
     def of(cls, *pendulums: Pendulum) -> Self:
         """Return the ensemble of these pendulums, in their order."""
         return cls(**{f.name: np.array([getattr(p, f.name) for p in pendulums]) for f in fields(cls)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightBody:
+    """A second body so light that the pendulum does not feel it; each an array of shape (m,).
+
+    Its way y beside the point of the pendulum that carries it, at R from the pivot, obeys
+    y'' + 2 ζ ω_n y' + ω_n² y = -gain (X + R sin q)''.
+
+    Parameters
+    ----------
+    carried_at_m : ndarray
+        R.
+    angular_frequency_rad_s, damping_ratio : ndarray
+        ω_n and ζ of its own.
+    gain : ndarray
+        1 for a point that hangs there, less for a body whose tag moves less than its centre of percussion.
+    """
+
+    carried_at_m: FloatArray
+    angular_frequency_rad_s: FloatArray
+    damping_ratio: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedSway:
+    """What m pendulums do under c planned moves, each shape (n, c, m); all of y is 0 without a light body."""
+
+    angle_rad: FloatArray
+    rate_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    second_m: FloatArray
+    second_m_s: FloatArray
+    second_m_s2: FloatArray
 
 
 def simulate_sway(
@@ -102,6 +142,116 @@ def simulate_sway(
         p = p + step / 6 * (p1 + 2 * (p2 + p3) + p4)
         angles[i + 1], momenta[i + 1] = q, p
     return angles, momenta - push[::2, 0] * np.cos(angles) - push[::2, 1] * np.sin(angles)
+
+
+def simulate_planned(
+    ensemble: PendulumEnsemble,
+    time_s: FloatArray,
+    pivot_m_s2: FloatArray,
+    *,
+    second: LightBody | None = None,
+) -> PlannedSway:
+    """Simulate m pendulums, hanging at rest, under each of c planned moves.
+
+    Parameters
+    ----------
+    ensemble : PendulumEnsemble
+        m pendulums.
+    time_s : ndarray, shape (n, c)
+        Nodes of each move. Where the acceleration jumps a node stands twice, once for either side.
+    pivot_m_s2 : ndarray, shape (n - 1, 3, 2, c)
+        X'' and Z'' at the start, in the middle and at the end of each step, from within the step.
+    second : LightBody, optional
+        Driven by the first body, without acting back on it.
+
+    Returns
+    -------
+    PlannedSway
+        At the nodes.
+
+    Notes
+    -----
+    The classical fourth-order Runge-Kutta rule. Not for a measured path, whose acceleration is mostly noise: use
+    `simulate_sway`.
+    """
+    n, moves = time_s.shape
+    m = len(ensemble.length_m)
+    bodies = 1 if second is None else 2
+    lifted = pivot_m_s2[:, :, 1] + GRAVITY_M_S2
+    pull, lean = np.hypot(pivot_m_s2[:, :, 0], lifted), np.arctan2(pivot_m_s2[:, :, 0], lifted)
+    push = pivot_m_s2[:, :, 0]
+    accelerate = _accelerate_of(ensemble) if second is None else _accelerate_both(ensemble, second)
+    place, rate = np.zeros((2, bodies, moves, m))
+    places, rates, bends = np.empty((3, n, bodies, moves, m))
+    steps = np.diff(time_s, axis=0)[:, :, None]
+    for i, h in enumerate(steps if moves > 1 else steps[:, 0, 0].tolist()):
+        start, middle, end = ((pull[i, j, :, None], lean[i, j, :, None], push[i, j, :, None]) for j in range(3))
+        half = h / 2
+        bend1 = accelerate(place, rate, *start)
+        places[i], rates[i], bends[i] = place, rate, bend1
+        midway = place + half * rate
+        rate2 = rate + half * bend1
+        bend2 = accelerate(midway, rate2, *middle)
+        rate3 = rate + half * bend2
+        bend3 = accelerate(midway + (half * half) * bend1, rate3, *middle)
+        bend4 = accelerate(place + h * rate3, rate + h * bend3, *end)
+        place = place + h * (rate + (h / 6) * (bend1 + bend2 + bend3))
+        rate = rate + (h / 6) * (bend1 + 2 * (bend2 + bend3) + bend4)
+    last = (pull[-1, 2, :, None], lean[-1, 2, :, None], push[-1, 2, :, None])
+    places[-1], rates[-1], bends[-1] = place, rate, accelerate(place, rate, *last)
+    none = np.broadcast_to(0.0, (n, moves, m))
+    return PlannedSway(
+        angle_rad=places[:, 0],
+        rate_rad_s=rates[:, 0],
+        acceleration_rad_s2=bends[:, 0],
+        second_m=none if second is None else places[:, 1],
+        second_m_s=none if second is None else rates[:, 1],
+        second_m_s2=none if second is None else bends[:, 1],
+    )
+
+
+_Accelerate = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]
+
+
+def _accelerate_of(ensemble: PendulumEnsemble) -> _Accelerate:
+    """Return q'' as a function of q, q', the pull H, its lean φ and X''."""
+    per_length = 1 / ensemble.length_m
+    stiffness, damping = ensemble.stiffness_over_inertia_rad2_s2, ensemble.damping_over_inertia_rad_s
+    drag, friction = ensemble.quadratic_drag_per_rad, ensemble.coulomb_friction_rad_s2
+    dragged, rubbed = bool(np.any(drag != 0)), bool(np.any(friction != 0))
+
+    def accelerate(q: FloatArray, rate: FloatArray, pull: FloatArray, lean: FloatArray, push: FloatArray) -> FloatArray:
+        force = q + lean
+        np.sin(force, out=force)
+        force *= pull * per_length
+        force += stiffness * q
+        force += damping * rate
+        if dragged:
+            force += drag * rate * np.abs(rate)
+        if rubbed:
+            force += friction * np.tanh(rate / STICTION_RATE_RAD_S)
+        return np.negative(force, out=force)
+
+    return accelerate
+
+
+def _accelerate_both(ensemble: PendulumEnsemble, second: LightBody) -> _Accelerate:
+    """Return (q'', y'') as a function of (q, y), (q', y') and the same three."""
+    alone = _accelerate_of(ensemble)
+    square = second.angular_frequency_rad_s**2
+    damping = 2 * second.damping_ratio * second.angular_frequency_rad_s
+
+    def accelerate(
+        place: FloatArray, rate: FloatArray, pull: FloatArray, lean: FloatArray, push: FloatArray
+    ) -> FloatArray:
+        bend = np.empty_like(place)
+        q, turn = place[0], rate[0]
+        bend[0] = alone(q, turn, pull, lean, push)
+        carrier = push + second.carried_at_m * (bend[0] * np.cos(q) - turn**2 * np.sin(q))
+        bend[1] = -damping * rate[1] - square * place[1] - second.gain * carrier
+        return bend
+
+    return accelerate
 
 
 def _slopes_of(

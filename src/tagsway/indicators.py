@@ -1,7 +1,8 @@
-"""How a move ended: settling, overshoot, times and accelerations, alike for measured and simulated tracks."""
+"""How a measured move ended: settling, overshoot, times and accelerations, by the definitions of `criteria`."""
 
 import numpy as np
 
+from tagsway.criteria import judge_move, load_of
 from tagsway.errors import InputError
 from tagsway.filters import find_track_spikes, fit_tag_splines
 from tagsway.filters.moves import find_moves
@@ -17,9 +18,6 @@ from tagsway.model import (
     Track,
     Window,
 )
-
-SETTLED = 0.02
-"""Half the width of the band that counts as settled, over the reference."""
 
 LEAST_TRAVEL_M = 5e-3
 """A tool that went less far did not move."""
@@ -125,25 +123,23 @@ def indicators_of(
     if not np.isfinite(pcp_m).all(axis=1).any():
         raise InputError("the product was never seen during or after the move: there is nothing to measure")
     final = _resting_place(time_s, pcp_m, end_s) if final_m is None else final_m
-    beyond = (pcp_m - final) @ (travel / distance)
-    duration = end_s - float(time_s[0])
-    settling = _settling_time(time_s, beyond, SETTLED * reference)
-    horizontal, vector = _accelerations(pcp_acceleration_m_s2)
-    after = horizontal[(time_s > end_s) & np.isfinite(horizontal)]
+    found = judge_move(time_s, tcp_m, pcp_m, pcp_acceleration_m_s2, end_s=end_s, final_m=final, reference_m=reference_m)
+    residual = float(found.residual_max_m_s2), float(found.residual_rms_m_s2)
     return Indicators(
         reference_m=reference,
-        settling_time_s=settling,
-        overshoot_percent=100 * max(float(np.nanmax(beyond)), 0.0) / reference,
-        trajectory_time_s=duration,
-        motion_time_s=None if settling is None else max(duration, settling),
+        settling_time_s=_known(found.settling_time_s),
+        overshoot_percent=float(found.overshoot_percent),
+        trajectory_time_s=float(found.trajectory_time_s),
+        motion_time_s=_known(found.motion_time_s),
         max_pcp_acceleration_m_s2=PeakAcceleration(
-            horizontal=_peak(horizontal, horizontal_std),
-            vector_with_gravity=_peak(vector, vector_std),
+            horizontal=_peak(found.horizontal_m_s2, horizontal_std),
+            vector_with_gravity=_peak(found.vector_m_s2, vector_std),
             bandwidth_hz=bandwidth_hz,
         ),
-        residual_acceleration_m_s2=None
-        if len(after) < 2
-        else ResidualAcceleration(max=float(after.max()), rms=float(np.sqrt(np.mean(after**2)))),
+        residual_acceleration_m_s2=ResidualAcceleration(max=residual[0], rms=residual[1])
+        if np.isfinite(residual).all()
+        else None,
+        box_error_m=_known(found.box_error_m),
     )
 
 
@@ -167,33 +163,19 @@ def _resting_place(time_s: FloatArray, pcp_m: FloatArray, end_s: float) -> Float
     return np.asarray(weight @ pcp_m[after] / weight.sum())
 
 
-def _settling_time(time_s: FloatArray, beyond: FloatArray, band: float) -> float | None:
-    """Return when the product enters the band for good, interpolated; None where it is still outside at the end."""
-    seen = np.isfinite(beyond)
-    time, away = time_s[seen], np.abs(beyond[seen])
-    outside = np.flatnonzero(away > band)
-    if not len(outside):
-        return 0.0
-    last = int(outside[-1])
-    if last == len(time) - 1:
-        return None
-    share = (away[last] - band) / (away[last] - away[last + 1])
-    return float(time[last] + share * (time[last + 1] - time[last]) - time_s[0])
+def _known(value: FloatArray) -> float | None:
+    """Return None for NaN: what does not settle has no settling time."""
+    return float(value) if np.isfinite(value) else None
 
 
-def _accelerations(acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return |x''| and what the gripper must hold, √(x''² + (z'' + g)²)."""
-    return np.abs(acceleration[:, 0]), np.hypot(acceleration[:, 0], acceleration[:, 1] + GRAVITY_M_S2)
-
-
-def _peak(values: FloatArray, std: float) -> Estimate | None:
-    return Estimate.normal(float(np.nanmax(values)), std, low=0.0) if np.isfinite(values).any() else None
+def _peak(value: FloatArray, std: float) -> Estimate | None:
+    return Estimate.normal(float(value), std, low=0.0) if np.isfinite(value) else None
 
 
 def _peak_errors(track: Track, clean: CleanTrack, used: BoolArray) -> tuple[float, float]:
     """Return the standard errors of the two peak accelerations: of the smoothing spline, where they are."""
     acceleration = np.where(used[:, None], clean.pcp.acceleration, np.nan)
-    horizontal, vector = _accelerations(acceleration)
+    horizontal, vector = load_of(acceleration)
     if not np.isfinite(vector).any():
         return 0.0, 0.0
     x, z = fit_tag_splines(track.time_s, track.pcp, find_track_spikes(track.time_s, track.pcp))

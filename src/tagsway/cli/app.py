@@ -6,7 +6,18 @@ from typing import Annotated, Any
 import typer
 
 from tagsway import __version__
-from tagsway.cli import calibrate, identify, impulse, plan, render, shape, tags
+from tagsway.cli import (
+    calibrate,
+    design,
+    identify,
+    impulse,
+    plan,
+    render,
+    retune,
+    shape,
+    simulate,
+    tags,
+)
 from tagsway.errors import InputError, NotIdentifiableError, TagswayError
 
 DONE, OTHER, UNUSABLE, NOT_DETERMINED = 0, 1, 2, 3
@@ -42,8 +53,11 @@ def _options(
 
 app.command("run")(identify.run)
 app.command("calibrate")(calibrate.calibrate)
+app.command("design")(design.design)
 app.command("render")(render.render)
+app.command("retune")(retune.retune)
 app.command("shaper")(shape.shaper)
+app.command("simulate")(simulate.simulate)
 app.command("tags")(tags.tags)
 app.command("trajectory")(shape.trajectory)
 app.command("impulse")(impulse.impulse)

@@ -61,6 +61,7 @@ from tagsway.model.result import (
 )
 from tagsway.model.settings import Settings
 from tagsway.model.shaper import DesignMode, DigitalFilter, Impulse, Residual, Shaper, Spread
+from tagsway.model.study import LimitRow, Pair, Quantity, StudyRow
 from tagsway.model.tags import Detection, Sighting, Sightings, TagSightings
 from tagsway.model.track import SCALE_STD, CleanTagTrack, CleanTrack, TagTrack, Track
 from tagsway.model.trajectory import JointPath, SampledTrajectory, Trajectory
@@ -107,6 +108,7 @@ __all__ = [
     "Indicators",
     "IntArray",
     "JointPath",
+    "LimitRow",
     "Limits",
     "LogAgreement",
     "ModalDeviation",
@@ -116,6 +118,7 @@ __all__ = [
     "Move",
     "Need",
     "Notice",
+    "Pair",
     "PayloadDistance",
     "PeakAcceleration",
     "Pendulum",
@@ -128,6 +131,7 @@ __all__ = [
     "PointMassFit",
     "Prior",
     "Progress",
+    "Quantity",
     "RandomEffects",
     "Rejection",
     "RepeatSummary",
@@ -146,6 +150,7 @@ __all__ = [
     "Source",
     "SpectrumCurve",
     "Spread",
+    "StudyRow",
     "TagSightings",
     "TagSummary",
     "TagTrack",

@@ -57,6 +57,9 @@ class Indicators:
         During and after the move.
     residual_acceleration_m_s2 : ResidualAcceleration or None
         After the move; None where the record ends with it.
+    box_error_m : float or None
+        Largest |x - x_end| of the product below the rim of a box, 50 mm above where it comes to rest, on its way down
+        and after; None where it never was above it.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
@@ -68,3 +71,4 @@ class Indicators:
     motion_time_s: float | None
     max_pcp_acceleration_m_s2: PeakAcceleration
     residual_acceleration_m_s2: ResidualAcceleration | None
+    box_error_m: float | None = None

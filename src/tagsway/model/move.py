@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import ClassVar, Literal
 
@@ -31,6 +31,10 @@ class Limits:
         Most that the shaped path may lie off the unshaped one.
     vertical_mm : float or None
         Height that must stay strictly vertical at both ends.
+    pcp_acceleration_m_s2 : float or None
+        Most |x''| of the product, for a design: more peels it off the gripper.
+    placement_window_mm : float or None
+        How far the product may be from the place point once the tool stands, for a design.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
@@ -41,9 +45,11 @@ class Limits:
     box_m: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
     path_deviation_mm: float | None = None
     vertical_mm: float | None = None
+    pcp_acceleration_m_s2: float | None = None
+    placement_window_mm: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("velocity_m_s", "acceleration_m_s2", "jerk_m_s3", "path_deviation_mm", "vertical_mm"):
+        for name in (item.name for item in fields(self) if item.name != "box_m"):
             value = getattr(self, name)
             if value is not None and not (value > 0 and math.isfinite(value)):
                 raise InputError(f"the limit {name} must be positive, not {value:g}; leave it out for none")

@@ -1,0 +1,255 @@
+"""Which payload to simulate, and how it varies: from options, a measurement, or many."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tagsway.errors import InputError
+from tagsway.model import GRAVITY_M_S2, Mode, Pendulum
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from tagsway.model import Result
+    from tagsway.simulation import Payload
+
+SAMPLES = 21
+"""Over a spread, both ends and the middle among them."""
+
+MOST_SAMPLES = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PayloadWish:
+    """The options that say which payload.
+
+    Parameters
+    ----------
+    origin : Path or None
+        result.json of one measurement, or measurements.csv of many.
+    length_mm, frequency_hz, damping_ratio, tag_radius_mm, stiffness : float or None
+        Stated instead; the stiffness is k/J in 1/s².
+    second : Mode or None
+        A second body.
+    gain : float
+        Of the second body.
+    spread_percent : float or None
+        By how much f_n strays, up and down.
+    samples : int or None
+        How many.
+    seed : int
+        Of samples that are drawn from standard errors.
+    """
+
+    origin: Path | None
+    length_mm: float | None
+    frequency_hz: float | None
+    damping_ratio: float | None
+    tag_radius_mm: float | None
+    stiffness: float | None
+    second: Mode | None
+    gain: float
+    spread_percent: float | None
+    samples: int | None
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownPayload:
+    """A payload's samples.
+
+    Parameters
+    ----------
+    payload : Payload
+        The samples; `nominal` of them is the one as measured.
+    nominal : int
+        Its place.
+    source : str
+        Where it came from and how it varies, in words.
+    """
+
+    payload: "Payload"
+    nominal: int
+    source: str
+
+    @property
+    def mode(self) -> Mode:
+        """The nominal one's, for a small swing."""
+        return Mode(
+            natural_frequency_hz=float(self.payload.frequency_hz[self.nominal]),
+            damping_ratio=float(self.payload.damping_ratio[self.nominal]),
+        )
+
+
+def read_payload(wish: PayloadWish) -> KnownPayload:
+    """Return the samples that the options of `identify simulate` ask for.
+
+    Raises
+    ------
+    InputError
+        Where the options say nothing, too much, or what cannot be.
+    """
+    from tagsway.simulation import add_second_body
+
+    _check(wish)
+    pendulum, second, source, result = _pendulum(wish)
+    known = _vary(wish, pendulum, source, result)
+    body = wish.second if wish.second is not None else second
+    if body is None:
+        return known
+    payload = add_second_body(known.payload, body, gain=wish.gain)
+    words = f"{known.source}, a second body of {body.natural_frequency_hz:.4g} Hz (gain {wish.gain:g})"
+    return KnownPayload(payload=payload, nominal=known.nominal, source=words)
+
+
+def _check(wish: PayloadWish) -> None:
+    stated = {
+        "--length": wish.length_mm,
+        "--frequency": wish.frequency_hz,
+        "--damping": wish.damping_ratio,
+        "--tag-radius": wish.tag_radius_mm,
+        "--stiffness": wish.stiffness,
+    }
+    named = [name for name, value in stated.items() if value is not None]
+    if wish.origin is not None and named:
+        raise InputError(f"--from and {named[0]} contradict each other: give one or the other")
+    if wish.origin is None and (wish.damping_ratio is None or (wish.length_mm is None) == (wish.frequency_hz is None)):
+        raise InputError(
+            "a simulation needs a payload: give --from result.json or measurements.csv, or --frequency HZ or "
+            "--length MM (one of them) with --damping RATIO"
+        )
+    for name in ("--length", "--frequency", "--tag-radius"):
+        value = stated[name]
+        if value is not None and not 0 < value < 1e5:
+            raise InputError(f"{name} is {value:g}: expected more than 0")
+    if wish.damping_ratio is not None and not 0 <= wish.damping_ratio < 1:
+        raise InputError(f"--damping is {wish.damping_ratio:g}: expected a ratio from 0 to below 1, such as 0.05")
+    if wish.frequency_hz is not None and wish.stiffness is not None:
+        raise InputError("--stiffness goes with --length: a frequency already holds it")
+    if wish.spread_percent is not None and not 0 < wish.spread_percent < 90:
+        raise InputError(f"--spread is {wish.spread_percent:g}: expected more than 0 and less than 90 percent")
+    if wish.samples is not None and not 1 <= wish.samples <= MOST_SAMPLES:
+        raise InputError(f"--samples is {wish.samples}: expected 1 to {MOST_SAMPLES}")
+
+
+def _pendulum(wish: PayloadWish) -> tuple[Pendulum, Mode | None, str, "Result | None"]:
+    """Return the nominal payload, its second mode, where both came from, and the measurement."""
+    from tagsway.simulation import pendulum_of_mode
+
+    radius = None if wish.tag_radius_mm is None else wish.tag_radius_mm / 1e3
+    if wish.origin is not None:
+        if wish.origin.suffix.lower() != ".csv":
+            return _measured(wish.origin)
+        from tagsway.store.measurements import read_measurements
+
+        middle = read_measurements(wish.origin).mode
+        median = Mode(natural_frequency_hz=middle.frequency_hz, damping_ratio=middle.damping_ratio)
+        return pendulum_of_mode(median), None, f"{wish.origin.name}, a pendulum without a spring", None
+    zeta = wish.damping_ratio or 0.0
+    if wish.frequency_hz is not None:
+        mode = Mode(natural_frequency_hz=wish.frequency_hz, damping_ratio=zeta)
+        words = f"{wish.frequency_hz:g} Hz, damping ratio {zeta:g}, a pendulum without a spring"
+        return pendulum_of_mode(mode, tag_radius_m=radius), None, words, None
+    length = (wish.length_mm or 0.0) / 1e3
+    bare = Pendulum(
+        length_m=length,
+        tag_radius_m=length if radius is None else radius,
+        stiffness_over_inertia_rad2_s2=wish.stiffness or 0.0,
+    )
+    damped = replace(bare, damping_over_inertia_rad_s=2 * zeta * bare.angular_frequency_squared**0.5)
+    return damped, None, f"{wish.length_mm:g} mm, {bare.natural_frequency_hz:.5g} Hz, damping ratio {zeta:g}", None
+
+
+def _measured(path: Path) -> tuple[Pendulum, Mode | None, str, "Result | None"]:
+    from tagsway.simulation import pendulum_of_mode
+    from tagsway.store.documents import read_result
+
+    result = read_result(path)
+    modal, fitted = result.modal, result.pendulum
+    if modal is None or modal.natural_frequency_hz is None or modal.damping_ratio is None:
+        raise InputError(f"{path} holds no natural frequency and damping: there is no payload to simulate")
+    mode = Mode(
+        natural_frequency_hz=modal.natural_frequency_hz.value, damping_ratio=max(modal.damping_ratio.value, 0.0)
+    )
+    others = [each for each in modal.modes[1:] if each.natural_frequency_hz.value > 0]
+    second = None
+    if others:
+        zeta = min(max(others[0].damping_ratio.value, 0.0), 0.99)
+        second = Mode(natural_frequency_hz=others[0].natural_frequency_hz.value, damping_ratio=zeta)
+    radius = None if fitted is None or fitted.tag_radius_m is None else fitted.tag_radius_m.value
+    if fitted is not None and fitted.determined and fitted.length_m is not None:
+        wn = 2 * math.pi * mode.natural_frequency_hz
+        drag = fitted.quadratic_drag_per_rad
+        pendulum = Pendulum(
+            length_m=fitted.length_m.value,
+            tag_radius_m=fitted.length_m.value if radius is None else radius,
+            stiffness_over_inertia_rad2_s2=wn**2 - GRAVITY_M_S2 / fitted.length_m.value,
+            damping_over_inertia_rad_s=2 * mode.damping_ratio * wn,
+            quadratic_drag_per_rad=0.0 if drag is None else max(drag.value, 0.0),
+        )
+        return pendulum, second, f"{path.name}, the pendulum that was fitted", result
+    return (
+        pendulum_of_mode(mode, tag_radius_m=radius),
+        second,
+        f"{path.name}, a pendulum without a spring (l and k are not told apart there)",
+        result,
+    )
+
+
+def _vary(wish: PayloadWish, pendulum: Pendulum, source: str, result: "Result | None") -> KnownPayload:
+    """Return the samples: of a stated spread, of many measurements, of one's standard errors, or one alone."""
+    import numpy as np
+
+    from tagsway.simulation import hang_pendulums, vary_modes
+
+    count, spread = wish.samples, wish.spread_percent
+    if spread is not None:
+        if count == 1:
+            raise InputError("--samples is 1, but --spread asks for both of its ends: give at least 2, or leave it out")
+        share = np.union1d(np.linspace(-1, 1, count or SAMPLES), [0.0])
+        frequency = pendulum.natural_frequency_hz * (1 + spread / 100 * share)
+        payload = vary_modes(pendulum, frequency, pendulum.damping_ratio)
+        words = f"{source}; f_n ± {spread:g} %, {len(share)} samples"
+        return KnownPayload(payload=payload, nominal=int(np.argmin(np.abs(share))), source=words)
+    if wish.origin is not None and wish.origin.suffix.lower() == ".csv":
+        from tagsway.store.measurements import read_measurements
+
+        measured = read_measurements(wish.origin)
+        frequency = np.append(pendulum.natural_frequency_hz, measured.frequency_hz)
+        zeta = np.append(pendulum.damping_ratio, np.clip(measured.damping_ratio, 0, 0.99))
+        words = f"{source}; the median and each of {len(measured.frequency_hz)} measurements"
+        return KnownPayload(payload=vary_modes(pendulum, frequency, zeta), nominal=0, source=words)
+    if count is None or count == 1:
+        return KnownPayload(payload=hang_pendulums(pendulum), nominal=0, source=source)
+    if result is None:
+        raise InputError(f"--samples is {count}, but nothing varies: give --spread PERCENT too, or --from result.json")
+    drawn = [pendulum, *_draw(pendulum, result, np.random.default_rng(wish.seed), count - 1)]
+    words = f"{source}; {count} samples within its standard errors: one pick, not the next one's payload"
+    return KnownPayload(payload=hang_pendulums(*drawn), nominal=0, source=words)
+
+
+def _draw(pendulum: Pendulum, result: "Result", rng: "Generator", count: int) -> list[Pendulum]:
+    """Draw f_n, l, r and ζ, whose errors are nearly independent, and derive k/J and b/J."""
+    modal, fitted = result.modal, result.pendulum
+    if modal is None or modal.natural_frequency_hz is None or modal.damping_ratio is None:
+        return []
+    length = None if fitted is None or not fitted.determined else fitted.length_m
+    radius = None if fitted is None else fitted.tag_radius_m
+    stds = [modal.natural_frequency_hz.std, modal.damping_ratio.std]
+    stds += [0.0 if each is None else each.std for each in (length, radius)]
+    drawn = []
+    for f, z, l_off, r_off in rng.normal(size=(count, 4)) * stds:
+        wn = 2 * math.pi * max(pendulum.natural_frequency_hz + f, 1e-3)
+        zeta = min(max(pendulum.damping_ratio + z, 0.0), 0.99)
+        arm = GRAVITY_M_S2 / wn**2 if length is None else max(pendulum.length_m + l_off, 1e-4)
+        drawn.append(
+            replace(
+                pendulum,
+                length_m=arm,
+                tag_radius_m=max(pendulum.tag_radius_m + r_off, 1e-4),
+                stiffness_over_inertia_rad2_s2=wn**2 - GRAVITY_M_S2 / arm,
+                damping_over_inertia_rad_s=2 * zeta * wn,
+            )
+        )
+    return drawn
