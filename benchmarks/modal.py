@@ -1,11 +1,13 @@
 """How near the estimators come to the Cramér-Rao bound: RMSE over the bound, for twelve decays.
 
     python benchmarks/modal.py [--trials 2000] [--spikes PERCENT] [--gaps] [--colour POLE] [--rivals 200]
+    python benchmarks/modal.py --alarms 100
 
 200 Hz, 30 mm, noise 0.05 and 0.5 mm, records of 1.5 and 5 s. `--gaps` takes away 20 % of the samples and one piece of
 0.3 s, and compares with the bound of what is left. `--colour` draws autoregressive noise of that pole and the same
 variance: the bound is white noise's, so only the coverage is to be judged. The other estimators are slower and far from
-the bound: they see the first trials only. Runs on all cores.
+the bound: they see the first trials only. `--alarms` counts instead how often noise alone is taken for a decay. Runs on
+all cores.
 """
 
 import argparse
@@ -13,9 +15,11 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 from scipy.stats import t as student_t
 
+from tagsway.errors import NotIdentifiableError
+from tagsway.modal import identify_modes
 from tagsway.modal.bound import find_bound, to_modal
 from tagsway.modal.decay import Terms
 from tagsway.modal.least_squares import Samples, extend, fit_decay
@@ -23,7 +27,7 @@ from tagsway.modal.peaks import find_peaks, measure_decay_rate, measure_period
 from tagsway.modal.pencil import find_pole
 from tagsway.modal.spectrum import find_peaks_of, find_spectrum, find_spectrum_peak, measure_half_power
 from tagsway.modal.start import find_start
-from tagsway.model import FloatArray
+from tagsway.model import FloatArray, TagTrack, Track, Window
 
 RATE_HZ = 200.0
 AMPLITUDE_MM = 30.0
@@ -138,6 +142,46 @@ def run_case(number: int, options: argparse.Namespace) -> list[str]:
     return rows
 
 
+WANDERING = ("white", "walk", "pole 0.9", "pole 0.99", "below 1 Hz", "below 3 Hz", "below 1 Hz + white")
+
+
+def make_noise(kind: str, n: int, rng: np.random.Generator) -> FloatArray:
+    """Return n samples of noise of a kind."""
+    white = rng.standard_normal(n + 2000)
+    if kind == "walk":
+        return np.cumsum(white[2000:])
+    if kind.startswith("pole"):
+        return np.asarray(lfilter([1.0], [1.0, -float(kind.split()[1])], white)[2000:])
+    if kind.startswith("below"):
+        slow = sosfilt(butter(2, float(kind.split()[1]), fs=RATE_HZ, output="sos"), white)[2000:]
+        return np.asarray(slow / np.std(slow) + 0.1 * ("white" in kind) * rng.standard_normal(n))
+    return white[2000:]
+
+
+def count_alarms(kind: str, trials: int) -> str:
+    """Return how many records of noise alone are taken for a decay."""
+    taken = []
+    for n in (300, 1000):
+        rng, time, nothing = np.random.default_rng(n), np.arange(n) / RATE_HZ, np.full(n, np.nan)
+        count = 0
+        for _ in range(trials):
+            position = np.column_stack([make_noise(kind, n, rng), nothing])
+            tag = TagTrack(
+                position=position,
+                position_std=np.full((n, 2), np.nan),
+                angle_rad=nothing,
+                angle_std_rad=nothing,
+            )
+            track = Track(frame=np.arange(n), time_s=time, length_unit="m", pcp=tag)
+            try:
+                identify_modes(track, Window(start_s=0.0, end_s=float(time[-1])))
+            except NotIdentifiableError:
+                continue
+            count += 1
+        taken.append(f"{count:4d}/{trials} of {n} samples")
+    return f"{kind:20s} " + "   ".join(taken)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -146,7 +190,14 @@ def main() -> None:
     parser.add_argument("--spikes", type=float, default=0.0, help="percent of the samples")
     parser.add_argument("--gaps", action="store_true")
     parser.add_argument("--colour", type=float, default=0.0, help="pole of autoregressive noise, 0 to 0.95")
+    parser.add_argument("--alarms", type=int, default=0, help="records of noise alone, of each kind and length")
     options = parser.parse_args()
+    if options.alarms:
+        print("noise alone taken for a decay:")
+        with ProcessPoolExecutor() as pool:
+            for row in pool.map(count_alarms, WANDERING, [options.alarms] * len(WANDERING)):
+                print(row, flush=True)
+        return
     print("  f_n Hz       ζ   s  noise  estimator         f: RMSE/bound   ζ: RMSE/bound   covered by 95 %: f, ζ")
     with ProcessPoolExecutor() as pool:
         for rows in pool.map(run_case, range(len(CASES)), [options] * len(CASES)):

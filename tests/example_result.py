@@ -1,25 +1,24 @@
 """A realistic result and its curves, made by hand: a payload of 2.47 Hz, moved by 0.7 m, then left to sway."""
 
-import functools
 import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from tagsway.dynamics import PendulumEnsemble, simulate_sway
+from example_curves import DAMPING, END_S, FREQUENCY_HZ, LENGTH_M, draw_curves
 from tagsway.model import (
     BackbonePoint,
     Bound,
     CoordinateFrame,
     Creator,
     Curves,
-    DecayCurve,
     DesignMode,
     Estimate,
     Estimates,
     EstimatorResult,
-    FloatArray,
+    Event,
+    Excitation,
     Implied,
     Impulse,
     Indicators,
@@ -27,31 +26,19 @@ from tagsway.model import (
     ModeEstimate,
     Notice,
     PeakAcceleration,
-    Pendulum,
-    PendulumCurve,
     PendulumEstimate,
     Residual,
     ResidualAcceleration,
-    ResidualCurve,
     Result,
     Settings,
     Shaper,
     Source,
-    SpectrumCurve,
     TagsSummary,
     TagSummary,
-    TrackCurve,
-    TrajectoryCurve,
     VideoInfo,
 )
+from tagsway.model.result import EstimatorDetails
 
-FREQUENCY_HZ = 2.4727
-DAMPING = 0.004
-LENGTH_M = 0.04585
-MOVE_START_S = 0.5
-MOVE_END_S = 1.62
-END_S = 12.0
-RATE_HZ = 200.0
 HOSTILE_NAME = 'bag <script>alert("1")</script> & "co".mp4'
 SINGLE = Notice(
     code="single_measurement",
@@ -113,8 +100,49 @@ def example() -> tuple[Result, Curves]:
             source="flexible.mp4",
         ),
         warnings=(SINGLE,),
+        estimator_details=EstimatorDetails(
+            spectrum_window="Hann",
+            spectrum_resolution_hz=0.196,
+            spectrum_bin_hz=0.0123,
+            half_power=EstimatorResult(
+                natural_frequency_hz=Estimate.normal(2.471, 0.012), damping_ratio=Estimate.normal(0.022, 0.019, low=0)
+            ),
+            decrement_cycles=22,
+            decrement_over_cycles=EstimatorResult(
+                natural_frequency_hz=None, damping_ratio=Estimate.normal(0.0041, 0.0004)
+            ),
+        ),
+        excitation=Excitation(
+            frequency_hz=2.4696,
+            share_of_peak=Estimate.normal(0.231, 0.002),
+            share_of_push=Estimate.normal(0.142, 0.001),
+            sway_m=Estimate.normal(0.0187, 0.0002),
+            strongest_hz=0.84,
+        ),
     )
-    return result, _curves()
+    return result, draw_curves()
+
+
+def peeled_off() -> tuple[Result, Curves]:
+    """The product fell at 9 s; a second mode was found, and one estimator disagrees."""
+    result, curves = example()
+    assert result.modal is not None
+    event = Event(
+        kind="peel_off",
+        time_s=Estimate.normal(9.0, 0.002),
+        horizontal_acceleration_m_s2=Estimate.normal(0.8, 0.1),
+        held_acceleration_m_s2=Estimate.normal(9.9, 0.1),
+    )
+    notice = Notice(code="peel_off", message="the product peeled off at 9.000 ± 0.002 s; what follows is not used")
+    second = ModeEstimate(
+        natural_frequency_hz=Estimate.normal(5.431, 0.012),
+        damping_ratio=Estimate.normal(0.011, 0.002),
+        amplitude_m=0.00041,
+    )
+    fft = EstimatorResult(natural_frequency_hz=Estimate.normal(2.61, 0.004), damping_ratio=None)
+    estimates = replace(result.modal.estimates, fft=fft)
+    modal = replace(result.modal, modes=(*result.modal.modes, second), estimates=estimates)
+    return replace(result, status="degraded", modal=modal, events=(event,), warnings=(notice, SINGLE)), curves
 
 
 def in_pixels() -> tuple[Result, Curves]:
@@ -142,6 +170,7 @@ def in_pixels() -> tuple[Result, Curves]:
         tags=tags,
         modal=modal,
         pendulum=PendulumEstimate.unknown("without a tag size there is no length to fit"),
+        excitation=None,
         indicators=None,
         warnings=(warning, SINGLE),
     )
@@ -167,6 +196,7 @@ def not_determined() -> tuple[Result, Curves]:
     )
     result = replace(
         result, status="not_determined", window_s=None, modal=None, pendulum=None, indicators=None, shaper=None,
+        estimator_details=None, excitation=None,
         tags=replace(result.tags, tcp=None), warnings=(warning,),
     )  # fmt: skip
     return result, Curves(track=track)
@@ -181,11 +211,15 @@ def without_tool() -> tuple[Result, Curves]:
     result = replace(
         result,
         status="degraded",
+        excitation=None,
         tags=replace(result.tags, tcp=None),
         pendulum=PendulumEstimate.unknown("the tool's tag was never seen", mass_kg=0.225),
         warnings=(warning, SINGLE),
     )
-    return result, replace(curves, track=track, pendulum=None, trajectory=None)
+    assert curves.excitation is not None
+    unseen = np.full_like(curves.excitation.tcp_whole, np.nan)
+    spectra = replace(curves.excitation, tcp_whole=unseen, tcp_after=unseen, tcp_late=unseen, move_s=None)
+    return result, replace(curves, track=track, excitation=spectra, pendulum=None, trajectory=None)
 
 
 def hostile() -> tuple[Result, Curves]:
@@ -252,101 +286,6 @@ def _pendulum() -> PendulumEstimate:
         rms_residual_m=0.00021,
         max_residual_m=0.00094,
     )
-
-
-def _quintic(u: FloatArray) -> FloatArray:
-    u = np.clip(u, 0, 1)
-    return u**3 * (10 - 15 * u + 6 * u**2)
-
-
-def _path(time_s: FloatArray) -> FloatArray:
-    """The tool's way, shape (n, 3): 0.7 m in x with 80 mm of lift."""
-    u = (time_s - MOVE_START_S) / (MOVE_END_S - MOVE_START_S)
-    lift = 0.08 * np.sin(np.pi * _quintic(u)) ** 2
-    return np.stack([-0.35 + 0.7 * _quintic(u), np.zeros_like(u), lift], axis=1)
-
-
-@functools.cache
-def _curves() -> Curves:
-    rng = np.random.default_rng(20)
-    time = np.arange(0, END_S, 1 / RATE_HZ)
-    pivot = _path(time)[:, [0, 2]]
-    dense = np.linspace(0, time[-1], 2 * len(time) - 1)
-    pivot_velocity = np.gradient(_path(dense)[:, [0, 2]], dense, axis=0)
-    stiffness = (2 * math.pi * FREQUENCY_HZ) ** 2 - 9.81 / LENGTH_M
-    pendulum = Pendulum(
-        length_m=LENGTH_M,
-        tag_radius_m=LENGTH_M,
-        stiffness_over_inertia_rad2_s2=stiffness,
-        damping_over_inertia_rad_s=2 * DAMPING * 2 * math.pi * FREQUENCY_HZ,
-    )
-    angle = simulate_sway(PendulumEnsemble.of(pendulum), time, pivot_velocity)[0][:, 0]
-    simulated = LENGTH_M * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
-    noise = rng.normal(scale=0.0002, size=(2, *simulated.shape))
-    tcp, pcp = pivot + noise[0], pivot + simulated + noise[1]
-    pcp[700:712] = np.nan
-    pcp[rng.integers(0, len(time), 8)] += 0.02
-    return Curves(
-        track=TrackCurve(
-            time_s=time,
-            pcp=pcp,
-            pcp_clean=pivot + simulated,
-            pcp_acceleration=_second_difference(pivot + simulated, time),
-            tcp=tcp,
-            tcp_clean=pivot,
-            tcp_acceleration=_second_difference(pivot, time),
-        ),
-        decay=_decay(time, simulated[:, 0], noise[1][:, 0]),
-        spectrum=_spectrum(simulated[time > MOVE_END_S, 0] + noise[1][time > MOVE_END_S, 0]),
-        pendulum=PendulumCurve(time_s=time, measured=pcp - tcp, simulated=simulated),
-        residual=_residual(),
-        trajectory=_trajectory(),
-    )
-
-
-def _decay(time: FloatArray, sway: FloatArray, noise: FloatArray) -> DecayCurve:
-    inside = (time > 1.71) & (time < 11.9)
-    t, fit = time[inside], sway[inside]
-    peak = np.flatnonzero((fit[1:-1] > fit[:-2]) & (fit[1:-1] >= fit[2:])) + 1
-    omega = 2 * math.pi * FREQUENCY_HZ
-    return DecayCurve(
-        time_s=t,
-        sway=fit + noise[inside],
-        fit=fit,
-        envelope=np.max(np.abs(fit[:200])) * np.exp(-DAMPING * omega * (t - t[0])),
-        residual=noise[inside],
-        peak_time_s=t[peak],
-        peak_sway=fit[peak] + noise[inside][peak],
-    )
-
-
-def _spectrum(sway: FloatArray) -> SpectrumCurve:
-    padded = 8 * len(sway)
-    amplitude = np.abs(np.fft.rfft(np.hanning(len(sway)) * (sway - sway.mean()), padded))
-    frequency = np.arange(len(amplitude)) * RATE_HZ / padded
-    return SpectrumCurve(frequency_hz=frequency, amplitude=amplitude)
-
-
-def _residual() -> ResidualCurve:
-    frequency = np.linspace(0.5 * FREQUENCY_HZ, 1.5 * FREQUENCY_HZ, 401)
-    return ResidualCurve(frequency_hz=frequency, residual=np.abs(np.cos(np.pi / 2 * frequency / 2.4696)))
-
-
-def _trajectory() -> TrajectoryCurve:
-    time = np.arange(0, 2.0, 0.001)
-    before, late = _path(time), _path(time - 0.202464)
-    after = 0.50314 * before + 0.49686 * late
-    return TrajectoryCurve(
-        time_s=time,
-        unshaped_m=before,
-        shaped_m=after,
-        unshaped_m_s2=_second_difference(before, time),
-        shaped_m_s2=_second_difference(after, time),
-    )
-
-
-def _second_difference(position: FloatArray, time: FloatArray) -> FloatArray:
-    return np.gradient(np.gradient(position, time, axis=0), time, axis=0)
 
 
 def _scaled(curve: Any, names: tuple[str, ...], factor: float) -> Any:

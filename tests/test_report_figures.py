@@ -1,5 +1,5 @@
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +8,15 @@ import pytest
 from matplotlib.figure import Figure
 
 import example_result
-from tagsway.model import Curves, Residual, Spread, TrajectoryCurve
+from tagsway.model import Curves, Estimate, Residual, Spread, TrajectoryCurve
 from tagsway.report import figures
 from tagsway.report.charts import make_charts
+from tagsway.report.estimators import disagrees, estimator_lines, find_disagreements
 from tagsway.report.figures import (
+    plot_backbone,
     plot_decay,
+    plot_estimators,
+    plot_excitation,
     plot_pendulum,
     plot_residual,
     plot_spectrum,
@@ -26,6 +30,8 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "track": plot_track,
     "decay": plot_decay,
     "spectrum": plot_spectrum,
+    "backbone": plot_backbone,
+    "excitation": plot_excitation,
     "pendulum": plot_pendulum,
     "residual": plot_residual,
     "trajectory": plot_trajectory,
@@ -38,13 +44,19 @@ def curves() -> Curves:
 
 
 def _changed(curve: Any, change: Callable[[Any], Any]) -> Any:
-    return replace(curve, **{field.name: change(getattr(curve, field.name)) for field in fields(curve)})
+    if isinstance(curve, np.ndarray):
+        return change(curve)
+    if not is_dataclass(curve):
+        return curve
+    return replace(curve, **{field.name: _changed(getattr(curve, field.name), change) for field in fields(curve)})
 
 
 def test_a_folder_holds_a_picture_of_each_curve(tmp_path: Path) -> None:
     written = write_figures(*example_result.example(), tmp_path / "figures")
-    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(f"{name}.png" for name in PLOTS)
-    assert {path.name for path in written} == {f"{name}.png" for name in PLOTS}
+    names = {f"{name}.png" for name in (*PLOTS, "estimators")}
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == names
+    assert {path.name for path in written} == names
+    assert {f"{name}.png" for name in figures.FIGURES} == names
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
 
 
@@ -179,3 +191,96 @@ def test_a_known_spread_is_a_wider_band_than_the_error_of_one_video(curves: Curv
     bands = sorted(shape["x1"] - shape["x0"] for shape in shapes if shape["type"] == "rect")
     assert len(bands) == 2
     assert bands[1] == pytest.approx(2 * 1.96 * 0.03 * 2.4696)  # identity
+
+
+def test_each_estimator_is_drawn_at_its_value_with_its_interval() -> None:
+    result, _ = example_result.example()
+    assert result.modal is not None
+    panel = plot_estimators(result.modal, details=result.estimator_details).axes[0]
+    names = [line.name for line in estimator_lines(result.modal, result.estimator_details)]
+    fft = result.modal.estimates.fft.natural_frequency_hz
+    assert fft is not None
+    row = names.index("Fourier transform")
+    drawn = [np.asarray(line.get_xdata()) for line in panel.get_lines() if set(line.get_ydata()) == {row}]
+    assert any(x.tolist() == [fft.value] for x in drawn)  # identity
+    assert any(x.tolist() == pytest.approx(list(fft.ci95)) for x in drawn)  # identity
+    words = " ".join(text.get_text() for text in panel.texts)
+    for stated in ("Hann window", "resolution 0.2 Hz", "padded bin 0.012 Hz", "decrement over 22 cycles"):
+        assert stated in words
+
+
+def test_an_estimator_that_disagrees_is_marked_and_named() -> None:
+    result, _ = example_result.peeled_off()
+    assert result.modal is not None
+    assert find_disagreements(result.modal, result.estimator_details) == ["Fourier transform"]
+    legend = plot_estimators(result.modal, details=result.estimator_details).axes[0].get_legend()
+    assert legend is not None
+    assert "disagrees" in [text.get_text() for text in legend.get_texts()]
+    sound, _ = example_result.example()
+    assert sound.modal is not None
+    assert find_disagreements(sound.modal, sound.estimator_details) == []
+
+
+@pytest.mark.parametrize(
+    ("one", "apart"),
+    [
+        (Estimate.normal(2.53, 0.001), True),
+        (Estimate.normal(2.53, 0.03), False),
+        (Estimate.normal(2.51, 0.001), False),
+        (None, False),
+    ],
+    ids=["apart", "intervals meet", "too small to matter", "not known"],
+)
+def test_estimators_disagree_where_intervals_part_and_it_matters(one: Estimate | None, apart: bool) -> None:
+    assert disagrees(one, Estimate.normal(2.475, 0.001), share=0.02) is apart
+
+
+def test_without_the_details_of_the_others_the_estimators_are_still_drawn() -> None:
+    result, _ = example_result.example()
+    assert result.modal is not None
+    unknown = Estimate(value=2.47, std=np.inf, ci95=(-np.inf, np.inf))
+    best = replace(result.modal.estimates.maximum_likelihood, natural_frequency_hz=unknown, damping_ratio=None)
+    modal = replace(
+        result.modal,
+        operating_frequency_hz=None,
+        bound=None,
+        estimates=replace(result.modal.estimates, maximum_likelihood=best),
+    )
+    plot_estimators(modal).canvas.draw()
+
+
+def test_the_backbone_has_a_line_points_with_intervals_and_the_design(curves: Curves) -> None:
+    result, _ = example_result.example()
+    assert curves.backbone is not None
+    assert result.modal is not None
+    panel = plot_backbone(curves.backbone, modal=result.modal).axes[0]
+    labels = panel.get_legend_handles_labels()[1]
+    assert labels == ["one nonlinear decay", "mean swing: the shaper's design", "plain decays, piece by piece"]
+    assert np.array_equal(panel.get_lines()[0].get_ydata(), curves.backbone.fit.frequency_hz)  # identity
+
+
+def test_a_tool_that_was_never_seen_excites_nothing_that_is_drawn() -> None:
+    _, curves = example_result.without_tool()
+    assert curves.excitation is not None
+    (panel,) = plot_excitation(curves.excitation).axes
+    assert panel.get_ylabel().startswith("product")
+
+
+def test_what_lies_beyond_the_bandwidth_is_shaded(curves: Curves) -> None:
+    assert curves.excitation is not None
+    result, _ = example_result.example()
+    assert result.modal is not None
+    figure = plot_excitation(curves.excitation, frequency_hz=result.modal.operating_frequency_hz)
+    assert all("beyond what was seen" in panel.get_legend_handles_labels()[1] for panel in figure.axes)
+    wide = replace(curves.excitation, bandwidth_hz=60.0)
+    assert "beyond what was seen" not in plot_excitation(wide).axes[0].get_legend_handles_labels()[1]
+
+
+def test_an_event_is_a_line_in_the_track() -> None:
+    result, curves = example_result.peeled_off()
+    for panel in plot_track(curves.track, events=result.events).axes:
+        line = next(line for line in panel.get_lines() if line.get_label() == "the product peeled off")
+        assert list(line.get_xdata()) == [9.0, 9.0]
+    layout = make_charts(result, curves)["track"]["layout"]
+    assert any(shape["x0"] == shape["x1"] == 9.0 for shape in layout["shapes"])
+    assert [note["text"] for note in layout["annotations"]] == ["the product peeled off"]

@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 
 import example_result
-from tagsway.report.charts import MAX_POINTS, make_charts, rounded, share_abscissae
+from tagsway.report.charts import make_charts, share_abscissae
 from tagsway.report.page import render_page
 from tagsway.report.style import thin
 from tagsway.report.tables import answers
+from tagsway.report.traces import MAX_POINTS, rounded
 
-VARIANTS = ["example", "in_pixels", "not_determined", "without_tool", "hostile"]
+VARIANTS = ["example", "in_pixels", "not_determined", "without_tool", "hostile", "peeled_off"]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PLOTLY_SHA256 = "c23b03591a6bdad0bd0f47a0c5c52305a5519812b73ce254be65cd841553c9c2"  # of plotly.js-basic-dist-min 3.7.0
 PROBE = """<script>addEventListener("load", () => setTimeout(() => {
@@ -145,6 +146,21 @@ def test_a_length_that_is_not_determined_is_not_shown_as_if_it_were() -> None:
     assert length.number is not None
     assert length.detail == "not determined: indicative only: no move"
     assert answers(result)[2].detail == "k = 0.01297 ± 0.00034 N·m/rad; b = (5.90 ± 0.14)×10⁻⁵ N·m·s/rad"
+
+
+def test_what_happened_to_the_grip_stands_at_the_top_and_only_there() -> None:
+    text = _outline("peeled_off").text
+    assert text.count("he product peeled off at 9.000") == 1
+    assert text.index("The product peeled off") < text.index("Natural frequency")
+
+
+def test_further_modes_disagreement_and_the_design_are_said() -> None:
+    text = _outline("peeled_off").text
+    assert "A further mode: 5.431 ± 0.012 Hz, ζ = 0.0110 ± 0.0020, 0.41 mm." in text
+    assert "Here Fourier transform disagrees" in text
+    assert "designed for 2.4696 Hz and ζ = 0.004" in text
+    assert "the move's spectrum has 23 % of its peak at 0.84 Hz" in text
+    assert "Here they agree" in _outline("example").text
 
 
 def test_many_warnings_are_all_there() -> None:

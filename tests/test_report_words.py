@@ -89,6 +89,15 @@ def test_the_summary_names_no_millimetres_where_there_is_no_scale() -> None:
     assert not any(" mm" in line for line in summary_lines(result))
 
 
+def test_the_summary_begins_with_what_happened_to_the_grip_and_lists_every_mode() -> None:
+    result, _ = example_result.peeled_off()
+    lines = summary_lines(result)
+    assert lines[0] == "event: the product peeled off at 9.000 ± 0.002 s; what follows is not used"
+    assert not any(line.startswith("warning") and "peeled" in line for line in lines)
+    assert "at this swing: 2.46960 ± 0.00033 Hz (the shaper is designed for it)" in lines
+    assert "further mode: 5.431 ± 0.012 Hz, damping ratio 0.0110 ± 0.0020" in lines
+
+
 def test_the_summary_of_nothing_says_so() -> None:
     result, _ = example_result.not_determined()
     lines = summary_lines(result)

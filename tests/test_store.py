@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import example_result
 from tagsway.errors import InputError
 from tagsway.files import check_writable, whole_file
 from tagsway.model import (
@@ -22,7 +23,15 @@ from tagsway.model import (
     Track,
     TrackCurve,
 )
-from tagsway.store.documents import from_document, read_shaper, to_document, write_shaper
+from tagsway.model.curves import AmplitudeCurve, BackboneCurve
+from tagsway.store.documents import (
+    from_document,
+    read_result,
+    read_shaper,
+    to_document,
+    write_result,
+    write_shaper,
+)
 from tagsway.store.packing import read_curves, write_curves
 from tagsway.store.steps import StepStore
 from tagsway.store.tracks import quantise, read_track, track_csv, write_track
@@ -166,6 +175,32 @@ def test_curves_survive_their_file(tmp_path) -> None:
     np.testing.assert_array_equal(again.track.pcp, xz)
     assert again.decay is None
     assert "track.time_s" in np.load(tmp_path / "curves.npz").files
+
+
+@pytest.mark.parametrize("variant", ["example", "peeled_off", "without_tool"])
+def test_all_that_is_drawn_and_said_survives_its_files(tmp_path, variant) -> None:
+    result, curves = getattr(example_result, variant)()
+    write_result(tmp_path / "result.json", result)
+    again = read_result(tmp_path / "result.json")
+    assert again.estimator_details == result.estimator_details
+    assert [event.kind for event in again.events] == [event.kind for event in result.events]
+    write_curves(tmp_path / "curves.npz", curves)
+    drawn = read_curves(tmp_path / "curves.npz")
+    assert drawn.backbone is not None
+    assert drawn.excitation is not None
+    np.testing.assert_array_equal(drawn.backbone.pieces.frequency_ci95_hz, curves.backbone.pieces.frequency_ci95_hz)
+    assert drawn.excitation.move_s == curves.excitation.move_s
+    assert "backbone.fit.damping_ci95" in np.load(tmp_path / "curves.npz").files
+
+
+def test_a_backbone_without_pieces_survives_too(tmp_path) -> None:
+    result, curves = example_result.example()
+    empty = BackboneCurve(fit=AmplitudeCurve.of(result.modal.backbone), pieces=AmplitudeCurve.of(()))
+    write_curves(tmp_path / "curves.npz", replace(curves, backbone=empty))
+    again = read_curves(tmp_path / "curves.npz").backbone
+    assert again is not None
+    assert again.pieces.frequency_ci95_hz.shape == (0, 2)
+    assert again.fit.amplitude_m[0] == 0.0105
 
 
 def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path) -> None:

@@ -1,45 +1,16 @@
 """The estimators that were asked for, beside the one that decides."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from tagsway.modal.bound import to_modal
 from tagsway.modal.decay import ALPHA, OMEGA
-from tagsway.modal.delta import centre, estimate_of
+from tagsway.modal.delta import centre, estimate_of, small_swing_damping
 from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.modal.peaks import Peaks, find_peaks, measure_decay_rate, measure_decrement, measure_period
 from tagsway.modal.spectrum import find_peaks_of, find_spectrum, find_spectrum_peak, measure_half_power
-from tagsway.model import Estimate, Estimates, EstimatorResult, FloatArray, SpectrumCurve
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EstimatorDetails:
-    """How the estimators that were asked for were made, for a panel that shows them.
-
-    Parameters
-    ----------
-    spectrum_window : str
-        Of the transform.
-    spectrum_resolution_hz : float
-        Two frequencies closer than this are one peak, however far it is padded.
-    spectrum_bin_hz : float
-        Distance of two points of the padded transform.
-    half_power : EstimatorResult
-        Peak of the padded spectrum without a window, and ζ = Δf / (2 f) from its width at 1/√2; the record's own
-        length widens it, so ζ is an upper bound. Errors: the bin, and how far it is off on the fitted curve itself.
-    decrement_cycles : int
-        n of the next; 0 where there are too few peaks.
-    decrement_over_cycles : EstimatorResult
-        From the first peak-to-peak swing and the one n cycles later alone, δ = ln(s_0 / s_n) / n.
-    """
-
-    spectrum_window: str
-    spectrum_resolution_hz: float
-    spectrum_bin_hz: float
-    half_power: EstimatorResult
-    decrement_cycles: int
-    decrement_over_cycles: EstimatorResult
+from tagsway.model import Estimate, Estimates, EstimatorDetails, EstimatorResult, FloatArray, SpectrumCurve
 
 
 def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> EstimatorDetails:
@@ -89,14 +60,20 @@ def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estima
     )
 
 
-def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estimates:
+def _from_zero(estimate: Estimate) -> Estimate:
+    """Return an estimate of what cannot be negative."""
+    low, high = estimate.ci95
+    return replace(estimate, value=max(estimate.value, 0.0), ci95=(max(low, 0.0), high))
+
+
+def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks, *, held: bool = True) -> Estimates:
     """Return all estimators; each rival's error holds how far it is off on the fitted curve itself."""
     (frequency, damping), jacobian = to_modal(fit.parameters)
     damped = float(fit.parameters[OMEGA]) / (2 * np.pi)
     up = float(np.hypot(fit.parameters[OMEGA], fit.parameters[ALPHA]) / fit.parameters[OMEGA])
     clean = centre(samples, fit) - fit.residual
     # A vibration that grows is not a free decay: it has no damping ratio.
-    decay_rate = estimate_of(fit, damping, jacobian[1])
+    decay_rate = small_swing_damping(fit, samples.time_s, held=held)
     clean_peaks = find_peaks(samples.time_s, clean, 1 / damped)
 
     def frequency_of(found: Peaks) -> Estimate | None:
@@ -125,7 +102,7 @@ def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estimat
     return Estimates(
         maximum_likelihood=EstimatorResult(
             natural_frequency_hz=estimate_of(fit, frequency, jacobian[0], low=0.0),
-            damping_ratio=None if decay_rate.ci95[1] < 0 else estimate_of(fit, damping, jacobian[1], low=0.0),
+            damping_ratio=None if decay_rate.ci95[1] < 0 else _from_zero(decay_rate),
         ),
         fft=EstimatorResult(natural_frequency_hz=_spectral(samples, fit, clean, up, frequency), damping_ratio=None),
         log_decrement=EstimatorResult(natural_frequency_hz=periods, damping_ratio=decrement),

@@ -4,9 +4,47 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from tagsway.modal.bound import to_modal
-from tagsway.modal.decay import DRAG, FRICTION, OFFSET, OMEGA, SLOPE, SOFTENING
+from tagsway.modal.decay import ALPHA, DRAG, FRICTION, OFFSET, OMEGA, SLOPE, SOFTENING, envelope
 from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.model import Estimate, FloatArray
+
+FARTHEST = 2.0
+"""Damping at the mean swing, over its viscous part, beyond which that part is a guess."""
+
+
+def small_swing_damping(fit: DecayFit, time_s: FloatArray, *, held: bool) -> Estimate:
+    """Return ζ for a small swing; for the mean one, where drag leaves little to the rest and nothing vouches for it.
+
+    Parameters
+    ----------
+    fit : DecayFit
+        Of the decay.
+    time_s : ndarray, shape (n,)
+        Of its samples.
+    held : bool
+        Whether a tool was seen to hold what swings: then it is the pendulum of the model, however far its viscous part
+        lies outside of what was seen.
+
+    Returns
+    -------
+    Estimate
+        Of the viscous part, α / ω_n; else of the whole at the mean swing, with an error that reaches down to it.
+    """
+    value, jacobian = to_modal(fit.parameters)
+    viscous = estimate_of(fit, float(value[1]), jacobian[1])
+    if held or not sees(fit, DRAG):
+        return viscous
+    relative = float(np.mean(envelope(time_s, *fit.parameters[[ALPHA, DRAG, FRICTION]])[0]))
+    seen = estimate_of(fit, *damping_at(fit, relative), low=0.0)
+    if not seen.value > FARTHEST * max(viscous.value, 0.0):
+        return viscous
+    std = float(np.hypot(seen.std, (seen.value - viscous.value) / 1.5))
+    return Estimate.normal(seen.value, std, low=0.0)
+
+
+def sees(fit: DecayFit, place: int) -> bool:
+    """Tell whether a term is fitted and stands out of its error."""
+    return bool(place in fit.terms.free and abs(fit.parameters[place]) > 3 * np.sqrt(fit.covariance[place, place]))
 
 
 def centre(samples: Samples, fit: DecayFit) -> FloatArray:

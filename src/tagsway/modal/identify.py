@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
+from tagsway.modal.air import allow_for_drag
 from tagsway.modal.backbone import draw_backbone, fit_pieces, mean_amplitude
 from tagsway.modal.blocks import average_blocks, first_omega
 from tagsway.modal.bound import to_modal
 from tagsway.modal.channels import join_channel
-from tagsway.modal.comparison import EstimatorDetails, compare_estimators, describe_estimators, draw_spectrum
+from tagsway.modal.comparison import compare_estimators, describe_estimators, draw_spectrum
 from tagsway.modal.decay import (
     ALPHA,
     ARC,
@@ -40,6 +41,7 @@ from tagsway.model import (
     DecayCurve,
     Estimate,
     Estimates,
+    EstimatorDetails,
     FloatArray,
     ModalEstimate,
     ModeEstimate,
@@ -126,11 +128,12 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         drive_std=sway.drive_std,
     )
     samples, fit, prior = fit_sway(sway, every, in_metres=track.length_unit == "m")
+    fit = allow_for_drag(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
     angle = _angle_samples(sway, begin, fit)
     fit, contradictions = join_channel(samples, fit, angle, prior=prior)
     peaks = find_peaks(samples.time_s, centre(samples, fit), 2 * np.pi / fit.parameters[OMEGA])
-    estimates = compare_estimators(samples, fit, peaks)
+    estimates = compare_estimators(samples, fit, peaks, held=track.tcp is not None)
     details = describe_estimators(samples, fit, peaks)
     pieces = fit_pieces(sway, samples, fit)
     residual = every.value - predict(begin, fit.parameters, fit.terms, every.drive)[0]
@@ -144,6 +147,15 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         details=details,
         notices=(*find_notices(modal, fit, sway, held=prior is not None and prior.held), *contradictions),
     )
+
+
+def _swing_per_length(sway: Sway, fit: DecayFit, track: Track) -> float:
+    """Return the path's curvature, at least that of a body which gravity alone holds; 0 where no tool holds one."""
+    if track.tcp is None:
+        return 0.0
+    if track.length_unit != "m" or not sway.planar:
+        return abs(sway.curvature)
+    return max(abs(sway.curvature), float(fit.parameters[OMEGA]) ** 2 / GRAVITY_M_S2)
 
 
 def _angle_samples(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Samples | None:

@@ -212,7 +212,7 @@ def extend(samples: Samples, fit: DecayFit, *, prior: Softening | None = None, s
         trials = []
         for place in _promising(samples, fit, barred):
             more = fit_decay(samples, fit.parameters, fit.terms.with_place(place), scale=fit.scale, prior=prior)
-            if _sensible(more) and _stands_out(more, place):
+            if _sensible(samples, more) and _stands_out(more, place):
                 trials.append(more)
         if not trials:
             break
@@ -265,7 +265,7 @@ def _prune(samples: Samples, fit: DecayFit, barred: set[int], prior: Softening |
     few = len(more.terms.free) - len(fit.terms.free)
     gain = misfit(samples, fit, scale=more.scale) - misfit(samples, more, scale=more.scale)
     share = more.freedom / len(samples.value)
-    return more if few and _sensible(more) and share * gain > few * WORTH else fit
+    return more if few and _sensible(samples, more) and share * gain > few * WORTH else fit
 
 
 def _stands_out(fit: DecayFit, place: int) -> bool:
@@ -277,10 +277,12 @@ def _needed(fit: DecayFit) -> float:
     return float(student_t.isf(norm.sf(np.sqrt(WORTH)), fit.error_freedom)) ** 2
 
 
-def _sensible(fit: DecayFit) -> bool:
-    """All damping takes energy away, and a softening beyond 0.3 is outside of the expansion."""
+def _sensible(samples: Samples, fit: DecayFit) -> bool:
+    """All damping takes energy away, a softening beyond 0.3 is outside of the expansion, and a sway can be seen."""
     p = fit.parameters
-    if (fit.terms.drag or fit.terms.friction) and p[ALPHA] < -3 * np.sqrt(fit.covariance[ALPHA, ALPHA]):
+    if (fit.terms.drag or fit.terms.friction) and p[ALPHA] < -2 * np.sqrt(fit.covariance[ALPHA, ALPHA]):
+        return False
+    if not np.hypot(p[COSINE], p[SINE]) < 2 * np.ptp(samples.value):
         return False
     return bool(p[DRAG] >= 0 and p[FRICTION] >= 0 and abs(p[SOFTENING]) < 0.3)
 

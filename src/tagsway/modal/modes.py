@@ -17,7 +17,7 @@ NEEDED = 6.5
 """Standard errors by which a further mode's amplitude must exceed nothing: it was searched for, as the first was."""
 
 NEEDED_CYCLES = 2.0
-"""Of a further mode, until a tenth of it is left."""
+"""Of a further mode and of the first, until a tenth of it is left: together they draw any short wandering."""
 
 NEARBY = (0.5, 1.0, 1.5, 2.2, 3.0)
 """Distances of a close mode that are tried, in periods of the beat inside the window."""
@@ -123,7 +123,7 @@ def _every_kth(samples: Samples) -> Samples:
 def _stands_out(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
     omega, alpha = fit.parameters[pole_places(mode)]
     span = float(samples.time_s[-1] - samples.time_s[0])
-    cycles = omega / (2 * np.pi) * _lasting(fit, span, mode)
+    cycles = min(fit.parameters[pole_places(k)[0]] / (2 * np.pi) * _lasting(fit, span, k) for k in (0, mode))
     if not (cycles >= NEEDED_CYCLES and alpha > -1 / span):
         return False
     # An overtone belongs to the first mode's path, not to another body.

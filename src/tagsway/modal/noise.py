@@ -154,17 +154,10 @@ def find_colour(residual: FloatArray, place: IntArray, rows: FloatArray) -> Colo
     products = np.array([grid[k:] @ grid[: length - k] for k in lags])
     # Per pair, then tapered as the full record would be, which keeps the sequence positive definite.
     covariance = products / pairs * (1 - lags / length)
-    best, best_score = white, 0.0
-    for order in range(1, order_most + 1):
-        colour = _yule_walker(covariance[: order + 1], n)
-        if colour is None:
-            break
-        score = n * np.log(colour.innovation / colour.variance) + order * np.log(n)
-        if score < best_score:
-            best, best_score = colour, score
-    order = len(best.coefficients)
-    if order == 0:
+    best = _choose_order(covariance, n)
+    if best is None:
         return white
+    order = len(best.coefficients)
     basis = np.zeros((length, fitted))
     basis[place] = np.linalg.qr(rows)[0]
     for _ in range(6):
@@ -174,6 +167,23 @@ def find_colour(residual: FloatArray, place: IntArray, rows: FloatArray) -> Colo
             break
         best = fuller
     return best
+
+
+def _choose_order(covariance: FloatArray, count: int) -> Colour | None:
+    """Return the autoregression that the Bayesian information criterion pays for; None for white noise."""
+    # Levinson's recursion gives the innovation of every order on its way.
+    a, left = np.empty(0), float(covariance[0])
+    best, best_score = 0, 0.0
+    for order in range(1, len(covariance)):
+        mirrored = float(covariance[order] - a @ covariance[order - 1 : 0 : -1]) / left
+        if not abs(mirrored) < 1:
+            break
+        a = np.append(a - mirrored * a[::-1], mirrored)
+        left *= 1 - mirrored**2
+        score = count * float(np.log(left / covariance[0])) + order * float(np.log(count))
+        if score < best_score:
+            best, best_score = order, score
+    return _yule_walker(covariance[: best + 1], count) if best else None
 
 
 def _yule_walker(covariance: FloatArray, count: int) -> Colour | None:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from tagsway.modal.bound import pole_places
+from tagsway.modal.bound import pole_places, to_modal
 from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE
 from tagsway.modal.decay import envelope as find_envelope
-from tagsway.modal.delta import damping_at
+from tagsway.modal.delta import damping_at, sees
 from tagsway.modal.least_squares import DecayFit
 from tagsway.modal.sway import Sway
 from tagsway.model import ModalEstimate, Notice
@@ -15,6 +15,12 @@ CLOSE = 0.2
 
 DISAGREE = 4.0
 """Standard errors of the difference beyond which two estimators disagree."""
+
+CYCLES_PER_MODE = 3.0
+"""Below which the envelope is not seen well enough to say what damps it."""
+
+COLOURED = 4.0
+"""Power density at the sway's frequency over that of white noise from which it is told: a codec's noise has twice."""
 
 MISFIT = 0.005
 """Part of the amplitude that a fit may leave, coloured, before it is called wrong."""
@@ -54,10 +60,13 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
                 message=f"the record is too short or too noisy for the damping ratio: {low:.2g} to {high:.2g} (95 %)",
             )
         )
-    if modal.cycles < 3:
+    modes = 1 + fit.terms.further
+    if modal.cycles < CYCLES_PER_MODE * modes:
+        of = f", and {modes} modes share them: drag may pass for damping" if modes > 1 else ""
         found.append(
             Notice(
-                code="few_cycles", message=f"only {modal.cycles:.1f} cycles of free vibration were seen: film longer"
+                code="few_cycles",
+                message=f"only {modal.cycles:.1f} cycles of free vibration were seen{of}: film longer",
             )
         )
     found += _of_modes(modal, fit)
@@ -70,7 +79,7 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
                 "a length or a camera that drifts; the arc's softening is taken for the small swing",
             )
         )
-    if fit.inflation > 2:
+    if fit.inflation > COLOURED:
         found.append(
             Notice(
                 code="coloured_residual",
@@ -96,14 +105,15 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
                 f"{frequency.value:.4g} Hz for a small swing; a shaper is designed for the former",
             )
         )
-    if (fit.terms.drag or fit.terms.friction) and damping is not None:
+    if (sees(fit, DRAG) or sees(fit, FRICTION)) and damping is not None:
         first, last = damping_at(fit, 1.0)[0], damping_at(fit, max(_last(fit, modal), 0.05))[0]
         cause = "falls with the amplitude, as drag's does" if first > last else "rises as the amplitude falls: friction"
+        viscous = float(to_modal(fit.parameters)[0][1])
         found.append(
             Notice(
                 code="damping_depends_on_amplitude",
                 message=f"damping {cause}: the ratio is {first:.2g} at the window's start, {last:.2g} at its end, "
-                f"{damping.value:.2g} its viscous part; a shaper is designed for the mean amplitude's",
+                f"{viscous:.2g} its viscous part; a shaper is designed for the mean amplitude's",
             )
         )
     size = float(np.hypot(*fit.parameters[[COSINE, SINE]]))

@@ -12,6 +12,8 @@ its name. No type computes anything that a stage should, and none opens a file.
 from tagsway.model.arrays import BoolArray, FloatArray, GreyArray, IntArray
 from tagsway.model.camera import Camera, PlaneView, SeenTag
 from tagsway.model.curves import (
+    AmplitudeCurve,
+    BackboneCurve,
     Curves,
     DecayCurve,
     ExcitationCurve,
@@ -54,6 +56,7 @@ from tagsway.model.repeats import RandomEffects, Rejection, RepeatSummary
 from tagsway.model.result import (
     CoordinateFrame,
     Creator,
+    EstimatorDetails,
     Result,
     Source,
     TagsSummary,
@@ -73,7 +76,9 @@ __all__ = [
     "NORMAL_95",
     "SCALE_STD",
     "AlignedLog",
+    "AmplitudeCurve",
     "ArcThrough",
+    "BackboneCurve",
     "BackbonePoint",
     "Blow",
     "BlowResult",
@@ -93,6 +98,7 @@ __all__ = [
     "DigitalFilter",
     "Estimate",
     "Estimates",
+    "EstimatorDetails",
     "EstimatorResult",
     "Event",
     "EventKind",

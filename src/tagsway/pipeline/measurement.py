@@ -1,6 +1,6 @@
 """From a track to all that it tells."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,6 @@ from tagsway.model import (
     Window,
 )
 from tagsway.model.curves import AmplitudeCurve, BackboneCurve
-from tagsway.model.result import EstimatorDetails
 from tagsway.pendulum import PendulumFit, fit_pendulum
 from tagsway.pipeline.log import with_log
 from tagsway.pipeline.other_mass import add_mass, read_other_mass
@@ -232,7 +231,7 @@ def _assemble(
         pendulum=pendulum.estimate,
         indicators=indicators,
         events=events,
-        estimator_details=EstimatorDetails(**{f.name: getattr(fit.details, f.name) for f in fields(fit.details)}),
+        estimator_details=fit.details,
         excitation=None if excited is None else excited.excitation,
         shaper=shaper,
         warnings=notices,

@@ -16,6 +16,7 @@ from tagsway.model import (
     Curves,
     DecayCurve,
     Estimate,
+    Event,
     FloatArray,
     PendulumCurve,
     ResidualCurve,
@@ -26,6 +27,7 @@ from tagsway.model import (
     TrajectoryCurve,
     Window,
 )
+from tagsway.report.modal_figures import plot_backbone, plot_estimators, plot_excitation
 from tagsway.report.panels import draw_line, frame_panel, make_panels, mark_frequency, name_panel
 from tagsway.report.style import (
     BLUE,
@@ -49,6 +51,7 @@ def plot_track(
     *,
     unit: LengthUnit = "m",
     window: Window | None = None,
+    events: Sequence[Event] = (),
     axes: Sequence[Axes] | None = None,
 ) -> Figure:
     """Draw the raw and the cleaned track of tool and product: x, z and the horizontal acceleration over time.
@@ -61,6 +64,8 @@ def plot_track(
         Its length unit; metres are drawn in mm.
     window : Window, optional
         The free vibration, drawn as a band.
+    events : sequence of Event
+        What happened to the grip, drawn as lines.
     axes : sequence of three Axes, optional
         To draw into.
 
@@ -90,6 +95,9 @@ def plot_track(
     if window is not None:
         for panel in (upper, middle, lower):
             panel.axvspan(window.start_s, window.end_s, color=GREEN, alpha=0.1, lw=0, label="free vibration")
+    for event in events:
+        for panel in (upper, middle, lower):
+            panel.axvline(event.time_s.value, color=INK, ls="-.", lw=1.3, label=event.words)
     name_panel(upper, "Track", f"x ({name})", legend=True)
     name_panel(middle, None, f"z ({name})")
     name_panel(lower, None, f"x acceleration\n({drawn_acceleration(unit)})", x="time (s)")
@@ -271,7 +279,17 @@ def plot_trajectory(curve: TrajectoryCurve, *, axes: Sequence[Axes] | None = Non
     return figure
 
 
-FIGURES = ("track", "decay", "spectrum", "pendulum", "residual", "trajectory")
+FIGURES = (
+    "track",
+    "decay",
+    "spectrum",
+    "estimators",
+    "backbone",
+    "excitation",
+    "pendulum",
+    "residual",
+    "trajectory",
+)
 """Names of all that may be drawn."""
 
 
@@ -304,15 +322,24 @@ def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
     unit = length_unit(result)
     decay, spectrum, pendulum = curves.decay, curves.spectrum, curves.pendulum
     residual, trajectory = curves.residual, curves.trajectory
-    natural = None if result.modal is None else result.modal.natural_frequency_hz
+    modal, backbone, excitation = result.modal, curves.backbone, curves.excitation
+    natural = None if modal is None else modal.natural_frequency_hz
     shaped, shaper = shaped_frequency(result), result.shaper
     plots: dict[str, Callable[[], Figure]] = {
-        "track": lambda: plot_track(curves.track, unit=unit, window=result.window)
+        "track": lambda: plot_track(curves.track, unit=unit, window=result.window, events=result.events)
     }
     if decay is not None:
         plots["decay"] = lambda: plot_decay(decay, unit=unit)
     if spectrum is not None:
         plots["spectrum"] = lambda: plot_spectrum(spectrum, natural_frequency_hz=natural)
+    if modal is not None and natural is not None:
+        plots["estimators"] = lambda: plot_estimators(modal, details=result.estimator_details)
+    if backbone is not None:
+        plots["backbone"] = lambda: plot_backbone(backbone, modal=modal)
+    if excitation is not None:
+        plots["excitation"] = lambda: plot_excitation(
+            excitation, unit=unit, frequency_hz=shaped, excitation=result.excitation
+        )
     if pendulum is not None:
         plots["pendulum"] = lambda: plot_pendulum(pendulum, unit=unit)
     if residual is not None:

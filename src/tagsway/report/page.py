@@ -19,7 +19,15 @@ from tagsway.report.tables import (
     pendulum_rows,
     shaper_rows,
 )
-from tagsway.report.words import describe_pendulum, describe_spread, next_steps
+from tagsway.report.words import (
+    describe_agreement,
+    describe_excitation,
+    describe_modes,
+    describe_pendulum,
+    describe_spread,
+    next_steps,
+    split_events,
+)
 
 BANNERS = {
     "ok": "",
@@ -46,6 +54,7 @@ def render_page(result: Result, curves: Curves, *, title: str) -> str:
         Self-contained: script, style and data are inside, and its content policy forbids the browser to load anything.
         The same input gives the same page. All text is escaped, also file names.
     """
+    event_sentences, warnings = split_events(result)
     charts, abscissae = share_abscissae(make_charts(result, curves))
     scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
     html = _template().render(
@@ -53,6 +62,11 @@ def render_page(result: Result, curves: Curves, *, title: str) -> str:
         result=result,
         banner=BANNERS[result.status],
         answers=answers(result),
+        event_sentences=event_sentences,
+        warnings=warnings,
+        mode_sentences=describe_modes(result),
+        agreement=describe_agreement(result),
+        excitation_words=describe_excitation(result),
         known=any(answer.number is not None for answer in answers(result)),
         shaper_rows=shaper_rows(result.shaper) if result.shaper is not None else [],
         spread_words=describe_spread(result.shaper) if result.shaper is not None else "",

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import blended_transform_factory
 
 from tagsway.model import Estimate, FloatArray
 from tagsway.report.style import BLUE, INK, RULE, shown_range, thin
@@ -15,8 +16,20 @@ MAX_POINTS = 15_000
 """Samples of a line that are drawn: a dozen for each column of pixels."""
 
 
+LEFT_INCH, RIGHT_INCH, TOP_INCH, BOTTOM_INCH, GAP_INCH = 1.1, 0.2, 0.6, 0.55, 0.3
+"""Around and between panels: a layout that is solved for each figure anew costs more than all its drawing."""
+
+LABEL_INCH = 0.45
+"""From the left edge to where the words beside the panels end."""
+
+
 def make_panels(
-    axes: Sequence[Axes] | None, heights: tuple[int, ...], *, height_inch: float, alone: int = 0
+    axes: Sequence[Axes] | None,
+    heights: tuple[int, ...],
+    *,
+    height_inch: float,
+    width_inch: float = 8.0,
+    alone: int = 0,
 ) -> tuple[Figure, Sequence[Axes]]:
     """Return the axes handed in, or a new figure of panels above one another; all but the last `alone` share x."""
     if axes is not None:
@@ -26,15 +39,24 @@ def make_panels(
         if figure is None:
             raise ValueError("these axes belong to no figure")
         return figure, axes
-    figure = Figure(figsize=(8, height_inch), layout="constrained")
+    figure = Figure(figsize=(width_inch, height_inch))
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    labelled = [row for row in range(len(heights)) if row >= len(heights) - alone - 1]
+    gaps = [GAP_INCH + BOTTOM_INCH if row in labelled else GAP_INCH for row in range(len(heights) - 1)]
+    room = height_inch - TOP_INCH - BOTTOM_INCH - sum(gaps)
     panels: list[Axes] = []
-    for row in range(len(heights)):
+    top = height_inch - TOP_INCH
+    for row, share in enumerate(heights):
+        height = room * share / sum(heights)
         shared = panels[0] if 0 < row < len(heights) - alone else None
-        panels.append(figure.add_subplot(grid[row, 0], sharex=shared))
-    for panel in panels[: len(heights) - alone - 1]:
-        panel.tick_params(labelbottom=False)
+        place = (LEFT_INCH, top - height, width_inch - LEFT_INCH - RIGHT_INCH, height)
+        box = tuple(np.array(place) / [width_inch, height_inch, width_inch, height_inch])
+        panels.append(figure.add_axes(box, sharex=shared))
+        beside = blended_transform_factory(figure.transFigure, panels[-1].transAxes)
+        panels[-1].yaxis.set_label_coords(LABEL_INCH / width_inch, 0.5, transform=beside)
+        if row not in labelled:
+            panels[-1].tick_params(labelbottom=False)
+        top -= height + (gaps[row] if row < len(gaps) else 0.0)
     return figure, panels
 
 
@@ -82,9 +104,9 @@ def frame_panel(panel: Axes, whole: Sequence[FloatArray], cut: Sequence[FloatArr
         panel.text(0.995, 1.01, text, transform=panel.transAxes, ha="right", va="bottom", size="small", color="#5c6570")
 
 
-def mark_frequency(panel: Axes, frequency_hz: Estimate, label: str) -> None:
-    """Draw a frequency as a line, and its 95 % interval as a band."""
+def mark_frequency(panel: Axes, frequency_hz: Estimate, label: str, *, interval: str = "its 95 % interval") -> None:
+    """Draw a frequency as a line, and its 95 % interval as a band, each with its name in the legend."""
     panel.axvline(frequency_hz.value, color=BLUE, ls="--", lw=1.2, label=label)
     low, high = frequency_hz.ci95
     if np.isfinite(low) and np.isfinite(high):
-        panel.axvspan(low, high, color=BLUE, alpha=0.2, lw=0, label="its 95 % interval")
+        panel.axvspan(low, high, color=BLUE, alpha=0.2, lw=0, label=interval or None)

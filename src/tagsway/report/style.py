@@ -5,7 +5,13 @@ from typing import Literal
 
 import numpy as np
 
-from tagsway.model import Estimate, FloatArray, Result, TrajectoryCurve
+from tagsway.model import Estimate, ExcitationCurve, FloatArray, Result, TrajectoryCurve
+
+SPECTRUM_SPAN = 6
+"""How many times f_n a spectrum's axis reaches at first."""
+
+LOWEST_SHARE = 3e-4
+"""Of the largest value, to which a spectrum on a logarithmic axis is shown."""
 
 LengthUnit = Literal["m", "px", "m/s2", "rad"]
 
@@ -70,6 +76,37 @@ def drawn_length(unit: LengthUnit) -> tuple[float, str]:
 def drawn_acceleration(unit: LengthUnit) -> str:
     """Return the unit in which an acceleration is drawn."""
     return f"{drawn_length(unit)[1]}/s²" if unit != "m" else "m/s²"
+
+
+def excitation_unit(unit: LengthUnit) -> str:
+    """Return the unit of an acceleration's spectrum, in which it is drawn."""
+    return {"m": "m/s", "px": "px/s", "m/s2": "m/s³", "rad": "rad/s"}[unit]
+
+
+def excitation_parts(curve: ExcitationCurve) -> list[tuple[str, list[tuple[str, FloatArray]]]]:
+    """Return tool and product with their spectra and the names of the parts; without the tool where it was not seen."""
+    ended = "" if curve.move_s is None else f", from {curve.move_s[1]:.2f} s"
+    words = ("whole record", f"after the move{ended}", f"late, from {curve.late_s:.2f} s")
+    tags = [
+        ("tool (TCP)", (curve.tcp_whole, curve.tcp_after, curve.tcp_late)),
+        ("product (PCP)", (curve.pcp_whole, curve.pcp_after, curve.pcp_late)),
+    ]
+    seen = [tag for tag in tags if np.any(np.isfinite(tag[1][0]))] or tags[1:]
+    return [(who, list(zip(words, parts, strict=True))) for who, parts in seen]
+
+
+def excitation_span(curve: ExcitationCurve, frequency_hz: Estimate | None) -> float:
+    """Return the frequency to which the spectra are drawn."""
+    top = float(np.nanmax(curve.frequency_hz, initial=0.0))
+    if not top > 0:
+        return 1.0
+    return top if frequency_hz is None else min(top, SPECTRUM_SPAN * frequency_hz.value)
+
+
+def excitation_range(parts: Sequence[FloatArray]) -> tuple[float, float] | None:
+    """Return the range of a logarithmic axis; None where nothing is positive."""
+    largest = max((float(np.nanmax(part, initial=0.0)) for part in parts), default=0.0)
+    return (LOWEST_SHARE * largest, 2 * largest) if largest > 0 else None
 
 
 def shaped_frequency(result: Result) -> Estimate | None:

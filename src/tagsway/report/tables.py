@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import NamedTuple
 
 from tagsway.model import Estimate, Indicators, PendulumEstimate, Result, Settings, Shaper, TagSummary, Window
+from tagsway.report.estimators import BOUND, estimator_lines
 from tagsway.report.words import (
     NOT_DETERMINED,
     Rounded,
@@ -129,24 +130,21 @@ def estimator_rows(result: Result) -> list[tuple[str, str, str, str]]:
     """Return name, frequency, damping ratio and a remark for each estimator, and for the bound."""
     if result.modal is None:
         return []
-    every, bound = result.modal.estimates, result.modal.bound
+    lines = estimator_lines(result.modal, result.estimator_details)
     rows = [
         (
-            name,
-            "–" if one.natural_frequency_hz is None else format_estimate(one.natural_frequency_hz, "Hz"),
-            "–" if one.damping_ratio is None else format_estimate(one.damping_ratio),
-            remark,
+            line.name,
+            "–" if line.frequency_hz is None else format_estimate(line.frequency_hz, "Hz"),
+            "–" if line.damping_ratio is None else format_estimate(line.damping_ratio),
+            line.remark,
         )
-        for name, one, remark in (
-            ("maximum likelihood", every.maximum_likelihood, "fits the samples; this one decides"),
-            ("Fourier transform", every.fft, "zero-padded"),
-            ("log decrement", every.log_decrement, "from the peaks"),
-            ("peak periods", every.periods, ""),
-        )
+        for line in lines
+        if line.name != BOUND
     ]
+    bound = result.modal.bound
     if bound is not None:
         frequency, ratio = f"± {format_error(bound.natural_frequency_hz)} Hz", f"± {format_error(bound.damping_ratio)}"
-        rows.append(("Cramér-Rao bound", frequency, ratio, "no unbiased estimator can do better"))
+        rows.append((BOUND, frequency, ratio, lines[-1].remark))
     return rows
 
 

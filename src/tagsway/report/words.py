@@ -3,7 +3,8 @@
 import math
 from typing import NamedTuple
 
-from tagsway.model import Estimate, PendulumEstimate, Result, Shaper
+from tagsway.model import Estimate, Notice, PendulumEstimate, Result, Shaper
+from tagsway.report.estimators import find_disagreements
 from tagsway.report.style import length_unit
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -131,6 +132,55 @@ def describe_pendulum(pendulum: PendulumEstimate | None) -> str:
     return f"{verdict}: {reason}" if reason else verdict
 
 
+def split_events(result: Result) -> tuple[list[str], list[Notice]]:
+    """Return the sentences on what happened to the grip, and the other warnings."""
+    kinds = {event.kind for event in result.events}
+    sentences = [notice.message for notice in result.warnings if notice.code in kinds]
+    return sentences, [notice for notice in result.warnings if notice.code not in kinds]
+
+
+def describe_modes(result: Result) -> list[str]:
+    """Return a sentence on each further mode, and one on what the shaper is designed for."""
+    modal, shaper, sentences = result.modal, result.shaper, []
+    for mode in () if modal is None else modal.modes[1:]:
+        size = "" if mode.amplitude_m is None else f", {1e3 * mode.amplitude_m:.2g} mm"
+        ratio = f"ζ = {format_estimate(mode.damping_ratio)}"
+        sentences.append(f"A further mode: {format_estimate(mode.natural_frequency_hz, 'Hz')}, {ratio}{size}.")
+    if shaper is not None and shaper.modes:
+        first = shaper.modes[0]
+        swing = "" if first.amplitude_m is None else f", a mean of {1e3 * first.amplitude_m:.3g} mm"
+        sentences.append(
+            f"The shaper is designed for {first.frequency_hz:.5g} Hz and ζ = {first.damping_ratio:.3g}: the payload's "
+            f"at the swing that was seen{swing}."
+        )
+    return sentences
+
+
+def describe_agreement(result: Result) -> str:
+    """Say whether an estimator disagrees with the one that decides."""
+    if result.modal is None:
+        return ""
+    names = find_disagreements(result.modal, result.estimator_details)
+    if not names:
+        return "Here they agree within what matters."
+    return f"Here {', '.join(names)} disagree{'s' if len(names) == 1 else ''}: look at the decay for the reason."
+
+
+def describe_excitation(result: Result) -> str:
+    """Say how much of the filmed move falls on the payload's frequency; empty where there was none."""
+    excited = result.excitation
+    if excited is None:
+        return ""
+    peak, push = format_percent(excited.share_of_peak.value), format_percent(excited.share_of_push.value)
+    level = ""
+    if excited.sway_m is not None:
+        level = f"; without lift and drag a move like this leaves a sway of {1e3 * excited.sway_m.value:.3g} mm"
+    return (
+        f"At {excited.frequency_hz:.4g} Hz the move's spectrum has {peak} of its peak at {excited.strongest_hz:.2g} "
+        f"Hz, and {push} of what pushes of this size could do at worst{level}."
+    )
+
+
 def summary_lines(result: Result) -> list[str]:
     """Return what a measurement told, a line each, for a terminal.
 
@@ -142,10 +192,12 @@ def summary_lines(result: Result) -> list[str]:
     Returns
     -------
     list of str
-        Without line breaks, control characters or markup; the warnings come last.
+        Without line breaks, control characters or markup; what happened to the grip comes first, the warnings last.
     """
-    lines = [*_modal_lines(result), *_pendulum_lines(result.pendulum), *_shaper_lines(result.shaper)]
-    lines += [f"warning: {notice.message}" for notice in result.warnings]
+    sentences, warnings = split_events(result)
+    lines = [_line("event", sentence) for sentence in sentences]
+    lines += [*_modal_lines(result), *_pendulum_lines(result.pendulum), *_shaper_lines(result.shaper)]
+    lines += [f"warning: {notice.message}" for notice in warnings]
     return [plain(line) for line in lines]
 
 
@@ -195,7 +247,11 @@ def _modal_lines(result: Result) -> list[str]:
         _line("damping ratio", format_estimate(ratio) if ratio is not None else NOT_DETERMINED),
     ]
     if modal.operating_frequency_hz is not None:
-        lines.append(_line("at this swing", format_estimate(modal.operating_frequency_hz, "Hz")))
+        designed = " (the shaper is designed for it)" if result.shaper is not None else ""
+        lines.append(_line("at this swing", format_estimate(modal.operating_frequency_hz, "Hz") + designed))
+    for mode in modal.modes[1:]:
+        ratio_words = f"damping ratio {format_estimate(mode.damping_ratio)}"
+        lines.append(_line("further mode", f"{format_estimate(mode.natural_frequency_hz, 'Hz')}, {ratio_words}"))
     if result.window_s is not None:
         start, end = result.window_s
         swing = (
