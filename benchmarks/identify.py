@@ -41,7 +41,8 @@ SETTINGS = Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03, mass_kg=0.225)
 STAGES = {
     "track": (stages, "read_recording"),
     "clean": (stages, "clean_track"),
-    "window": (stages, "find_window"),
+    "events": (stages, "find_events"),
+    "window": (stages, "find_free_vibration"),
     "mode": (stages, "identify_modes"),
     "pendulum": (stages, "fit_pendulum"),
     "indicators": (stages, "measure_indicators"),

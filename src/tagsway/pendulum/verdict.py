@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from tagsway.model import Estimate, FloatArray, Notice, PendulumEstimate, Prior
+from tagsway.model import GRAVITY_M_S2, Estimate, FloatArray, Notice, PendulumEstimate, Prior
 from tagsway.model.estimate import NORMAL_95
 from tagsway.pendulum.assumed import STATED
 from tagsway.pendulum.fit import Solution
@@ -49,6 +49,10 @@ LARGEST_PULL_STD = 3.0
 
 POINT_MASS_STD = 3.0
 """r = l holds where they differ by less than this many standard errors of the difference."""
+
+
+FREE_SHARE = 0.01
+"""Of gravity's part: a spring that is surely weaker, and perhaps none, is known well enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +110,8 @@ def judge(record: Record, solution: Solution, ridge: Ridge, priors: tuple[Prior,
     if not (record.moved or stated):
         return Verdict(kind="indicative", reason=f"indicative only: a release at {swing:.2f} rad, without a move")
     low, high = stiffness.ci95
+    if low <= 0 and high <= FREE_SHARE * GRAVITY_M_S2 / length.value:
+        return Verdict(kind="claim", reason="gravity alone turns it back: no spring beside it is left room for")
     longer = max(stiffness.value - low, high - stiffness.value) / NORMAL_95
     if not max(longer, stiffness.std) <= LARGEST_STIFFNESS_STD * stiffness.value:
         return Verdict(
