@@ -1,6 +1,6 @@
 """The air's drag on a payload that is too small to be seen, and too large to be left out of the errors."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,12 +13,42 @@ DRAG_STD_PER_RAD = 0.05
 """Quadratic drag of a payload in air, as a term of ζ per radian of swing and 4/3π: bags and boxes of 0.1 to 1 kg."""
 
 
+SURELY = 0.95
+"""Weight of a decay with drag from which on its values are taken."""
+
 MOST_EVIDENCE = 100.0
 """Log of the odds beyond which nothing changes any more."""
 
 
-def allow_for_drag(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> DecayFit:
-    """Return a fit in which the drag that no test has shown may still be there.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HiddenDrag:
+    """A decay with drag, beside one without.
+
+    Parameters
+    ----------
+    fit : DecayFit
+        With drag, under its prior.
+    weight : float
+        Of it; the rest is that of the decay without.
+    """
+
+    fit: DecayFit
+    weight: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether its values are to be taken."""
+        return self.weight > SURELY
+
+    def widen(self, plain: DecayFit) -> DecayFit:
+        """Return a decay without drag whose errors reach to the one with it, by the weights of both."""
+        change = self.fit.parameters - plain.parameters
+        covariance = self.fit.covariance + np.outer(change, change)
+        return replace(plain, covariance=(1 - self.weight) * plain.covariance + self.weight * covariance)
+
+
+def weigh_drag(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> HiddenDrag | None:
+    """Return the decay with the drag that no test has shown, and how likely it is there.
 
     Parameters
     ----------
@@ -33,50 +63,44 @@ def allow_for_drag(samples: Samples, fit: DecayFit, *, curvature: float, prior: 
 
     Returns
     -------
-    DecayFit
-        With drag, whose error says whether it was seen. The fit itself where drag is one of its terms already, or the
-        swing in radians is not known.
+    HiddenDrag or None
+        None where drag is one of the terms already, or the swing in radians is not known.
 
     Notes
     -----
     A decay of a few periods looks the same with a little more drag and a little less viscous damping. Fitted without
     drag, ζ for a small swing is then off by 4/3π d A, many times its error; fitted with it, ζ is needlessly unsure of
     a payload that has none. So both are held to be as likely beforehand, no drag and one of 0 ± s with s = 0.05 a
-    radian, and averaged with the weights that the data give them [1]_: for drag, with d̂ ± σ where it is free,
+    radian, and weighed by what the data say [1]_: for drag, with d̂ ± σ where it is free,
 
         w / (1 - w) = σ (σ² + s²)^-1/2 exp(d̂² s² / 2 σ² (σ² + s²))
 
-    The prior enters as one more measurement, y = ŷ - K d̂ with K = C e (σ² + s²)⁻¹. What the two differ by is a part of
-    the errors.
+    The prior enters as one more measurement, y = ŷ - K d̂ with K = C e (σ² + s²)⁻¹. Values are those of the decay
+    without drag until w is large; the errors are those of both, about these values, by their weights.
 
     References
     ----------
     .. [1] J. A. Hoeting et al., Statistical Science 14 (1999) 382-417.
     """
     if fit.terms.drag or not curvature > 0:
-        return fit
+        return None
     loose = fit_decay(samples, fit.parameters, fit.terms.with_place(DRAG), scale=fit.scale, prior=prior)
     variance = float(loose.covariance[DRAG, DRAG])
     if not (np.all(np.isfinite(loose.parameters)) and 0 < variance < np.inf):
-        return fit
+        return None
     swing_rad = float(np.hypot(loose.parameters[COSINE], loose.parameters[SINE])) * curvature
     std = 4 / (3 * np.pi) * DRAG_STD_PER_RAD * float(loose.parameters[OMEGA]) * swing_rad
     gain: FloatArray = loose.covariance[:, DRAG] / (variance + std**2)
     parameters = loose.parameters - gain * loose.parameters[DRAG]
     keep = np.eye(len(parameters))
     keep[:, DRAG] -= gain
-    covariance = keep @ loose.covariance @ keep.T + std**2 * np.outer(gain, gain)
     share = std**2 / (variance + std**2)
     odds = np.sqrt(1 - share) * np.exp(min(0.5 * share * loose.parameters[DRAG] ** 2 / variance, MOST_EVIDENCE))
-    weight = float(odds / (1 + odds))
-    change = parameters - fit.parameters
-    averaged = fit.parameters + weight * change
-    return replace(
+    held = replace(
         loose,
-        parameters=averaged,
-        residual=samples.value - predict(samples.time_s, averaged, loose.terms, samples.drive)[0],
-        covariance=(1 - weight) * fit.covariance
-        + weight * covariance
-        + weight * (1 - weight) * np.outer(change, change),
-        dragged=(1 - weight) * fit.dragged + weight * keep @ loose.dragged,
+        parameters=parameters,
+        residual=samples.value - predict(samples.time_s, parameters, loose.terms, samples.drive)[0],
+        covariance=keep @ loose.covariance @ keep.T + std**2 * np.outer(gain, gain),
+        dragged=keep @ loose.dragged,
     )
+    return HiddenDrag(fit=held, weight=float(odds / (1 + odds)))

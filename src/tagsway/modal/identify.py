@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.modal.air import allow_for_drag
+from tagsway.modal.air import weigh_drag
 from tagsway.modal.backbone import draw_backbone, fit_pieces, mean_amplitude
 from tagsway.modal.blocks import average_blocks, first_omega
 from tagsway.modal.bound import to_modal
@@ -128,10 +128,12 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         drive_std=sway.drive_std,
     )
     samples, fit, prior = fit_sway(sway, every, in_metres=track.length_unit == "m")
-    fit = allow_for_drag(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
+    hidden = weigh_drag(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
+    fit = hidden.fit if hidden is not None and hidden.sure else fit
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
     angle = _angle_samples(sway, begin, fit)
     fit, contradictions = join_channel(samples, fit, angle, prior=prior)
+    fit = hidden.widen(fit) if hidden is not None and not hidden.sure else fit
     peaks = find_peaks(samples.time_s, centre(samples, fit), 2 * np.pi / fit.parameters[OMEGA])
     estimates = compare_estimators(samples, fit, peaks, held=track.tcp is not None)
     details = describe_estimators(samples, fit, peaks)
