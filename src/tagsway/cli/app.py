@@ -7,6 +7,7 @@ import typer
 
 from tagsway import __version__
 from tagsway.cli import (
+    batch,
     calibrate,
     design,
     identify,
@@ -52,6 +53,7 @@ def _options(
 
 
 app.command("run")(identify.run)
+app.command("batch")(batch.batch)
 app.command("calibrate")(calibrate.calibrate)
 app.command("design")(design.design)
 app.command("render")(render.render)

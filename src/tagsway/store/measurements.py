@@ -1,4 +1,4 @@
-"""measurements.csv: one row a measurement, as a shaper's design needs it."""
+"""measurements.csv, .parquet and summary.csv: one row a measurement, one row a subset."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,10 +7,13 @@ import numpy as np
 import pandas as pd
 
 from tagsway.errors import InputError
+from tagsway.files import whole_file
 from tagsway.model import DesignMode, FloatArray, Spread
+from tagsway.repeats import between_repeat_spread, fit_random_effects
 from tagsway.store.tables import read_table
 
 FREQUENCY, DAMPING = "natural_frequency_hz", "damping_ratio"
+FREQUENCY_STD = "natural_frequency_std_hz"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,11 +26,14 @@ class MeasuredModes:
         Of each measurement that was used.
     source : str
         The file's name.
+    frequency_std_hz : ndarray, shape (n,), optional
+        Each measurement's own standard error.
     """
 
     frequency_hz: FloatArray
     damping_ratio: FloatArray
     source: str
+    frequency_std_hz: FloatArray | None = None
 
     @property
     def mode(self) -> DesignMode:
@@ -38,10 +44,19 @@ class MeasuredModes:
 
     @property
     def spread(self) -> Spread | None:
-        """The standard deviation of the frequency between the measurements; None of a single one."""
+        """What differs between the measurements; None of a single one.
+
+        Their standard deviation; where each states its own error, that is taken out: a shaper has to bear how the
+        payload varies, not how well it was measured. What the errors explain alone leaves the whole deviation.
+        """
         n = len(self.frequency_hz)
         if n < 2:
             return None
+        std = self.frequency_std_hz
+        if std is not None and np.all(std > 0) and np.all(np.isfinite(std)):
+            spread = between_repeat_spread(fit_random_effects(self.frequency_hz, std), source=self.source)
+            if spread.natural_frequency_std_percent > 0:
+                return spread
         percent = 100 * float(np.std(self.frequency_hz, ddof=1)) / self.mode.frequency_hz
         return Spread(source=self.source, natural_frequency_std_percent=percent, n=n)
 
@@ -73,9 +88,10 @@ def read_measurements(path: Path) -> MeasuredModes:
                 f"{path} has no column {name!r}: expected {FREQUENCY} and {DAMPING}; it has "
                 f"{', '.join(map(str, table.columns))}"
             )
-    table = table[[name for name in (FREQUENCY, DAMPING, "rejected_by") if name in table]]
+    table = table[[name for name in (FREQUENCY, DAMPING, FREQUENCY_STD, "rejected_by") if name in table]]
     if "rejected_by" in table:
-        table = table[table["rejected_by"].fillna("").astype(str).str.strip() == ""]
+        reason = table["rejected_by"]
+        table = table[reason.isna() | (reason.astype(str).str.strip() == "")]
     table = table.dropna(subset=[FREQUENCY, DAMPING], how="all")
     values = table[[FREQUENCY, DAMPING]].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
     frequency, damping = values.T
@@ -92,4 +108,22 @@ def read_measurements(path: Path) -> MeasuredModes:
             )
     if not len(values):
         raise InputError(f"{path} holds no measurement that can be used: every row is empty or rejected")
-    return MeasuredModes(frequency_hz=frequency, damping_ratio=damping, source=path.name)
+    std = None
+    if FREQUENCY_STD in table:
+        std = pd.to_numeric(table[FREQUENCY_STD], errors="coerce").to_numpy(dtype=float)
+    return MeasuredModes(frequency_hz=frequency, damping_ratio=damping, source=path.name, frequency_std_hz=std)
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as CSV or Parquet, as its name ends; whole or not at all, and the same bytes for the same table.
+
+    Raises
+    ------
+    ImportError
+        For Parquet, where pyarrow is not installed.
+    """
+    with whole_file(path) as part:
+        if path.suffix == ".parquet":
+            table.to_parquet(part, index=False)
+        else:
+            table.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")

@@ -1,0 +1,166 @@
+"""Sets: scaling over workers, deaths at random moments, and a hundred thousand rows.
+
+    python benchmarks/batch.py scaling [--files N]
+    python benchmarks/batch.py kills [--kills N]
+    python benchmarks/batch.py rows [--rows N]
+
+scaling  the same rendered videos with 1 and 2 workers: time ÷ time, and what the set costs beside its videos
+kills    kill -9 of the main process and of workers in turn: are the tables those of an undisturbed run?
+rows     summary and figures of generated rows: seconds, and the peak of memory
+"""
+
+import argparse
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+SAMPLE = Path(__file__).parents[1] / "sample_data" / "released.mp4"
+BATCH = [sys.executable, "-m", "tagsway", "batch"]
+TABLES = ("measurements.csv", "measurements.parquet", "summary.csv", "shaper.json")
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", choices=["scaling", "kills", "rows"])
+    parser.add_argument("--files", type=int, default=16)
+    parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--rows", type=int, default=100_000)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        if options.part == "scaling":
+            measure_scaling(root, options.files)
+        elif options.part == "kills":
+            kill_often(root, options.kills, options.files)
+        else:
+            tabulate_many(root, options.rows)
+
+
+def make_copies(root: Path, files: int) -> Path:
+    """Fill a set with copies of the sample, each of its own content: a box of free space behind the film."""
+    for number in range(files):
+        path = root / "set" / f"s{number % 2}" / f"r{number}.mp4"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        box = number.to_bytes(8, "big")
+        path.write_bytes(SAMPLE.read_bytes() + (8 + len(box)).to_bytes(4, "big") + b"free" + box)
+    return root / "set"
+
+
+def measure_scaling(root: Path, files: int) -> None:
+    """Print time with 1 worker ÷ 2 workers, and the overhead beside the videos' own time."""
+    path = make_copies(root, files)
+    seconds, own, processor = {}, {}, {}
+    for workers in (1, 2):
+        out = root / f"out{workers}"
+        start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([*BATCH, str(path), "--out", str(out), "--workers", str(workers), "--quiet"], check=True)
+        seconds[workers] = time.perf_counter() - start
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        processor[workers] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        lines = [json.loads(line) for line in (out / "attempts.jsonl").read_text().splitlines()]
+        done = [line for line in lines if line["event"] == "finished"]
+        own[workers] = sum(line["seconds"] for line in done)
+        films = sum(line["cpu_seconds"] for line in done)
+        print(f"{workers} workers: processor time {processor[workers]:.1f} s, {films:.1f} s of it in the videos")
+        print(
+            f"{workers} workers: {seconds[workers]:.1f} s, of which measuring {own[workers] / workers:.1f} s a worker"
+        )
+    print(f"time of 1 worker ÷ 2 workers, {files} videos: {seconds[1] / seconds[2]:.2f}")
+    print(f"time beside the videos' own, 1 worker: {100 * (seconds[1] / own[1] - 1):.1f} %")
+
+
+def kill_often(root: Path, kills: int, files: int) -> None:
+    """Kill the main process or a worker at random moments until it is done; compare the tables."""
+    path = make_copies(root, files)
+    subprocess.run([*BATCH, str(path), "--out", str(root / "whole"), "--quiet"], check=True)
+    chance = random.Random(0)
+    out, left, mains, workers = root / "killed", kills, 0, 0
+    while True:
+        with subprocess.Popen([*BATCH, str(path), "--out", str(out), "--quiet"]) as process:
+            while left and process.poll() is None:
+                time.sleep(chance.uniform(1.0, 6.0))
+                children = list_children(process.pid)
+                if process.poll() is not None:
+                    break
+                left -= 1
+                if children and workers <= mains:
+                    os.kill(chance.choice(children), signal.SIGKILL)
+                    workers += 1
+                else:
+                    process.kill()
+                    mains += 1
+            process.wait()
+        if process.returncode == 0:
+            break
+    same = all((out / name).read_bytes() == (root / "whole" / name).read_bytes() for name in TABLES)
+    lines = [json.loads(line) for line in (out / "attempts.jsonl").read_text().splitlines()]
+    done = [line["file"] for line in lines if line["event"] == "finished"]
+    print(f"killed: the main process {mains} times, workers {workers} times; tables alike: {same}")
+    print(f"videos finished ÷ videos finished once: {len(done)}/{len(set(done))} of {files}")
+
+
+def list_children(pid: int) -> list[int]:
+    """Return the workers that a process has started: the first child keeps track of semaphores."""
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    return [int(child) for child in path.read_text().split()][1:] if path.exists() else []
+
+
+def tabulate_many(root: Path, rows: int) -> None:
+    """Write the results of many generated measurements, and time what a batch does with them."""
+    from tagsway.model import Settings
+    from tagsway.sets.batch import write_batch
+    from tagsway.sets.jobs import Outcome, result_key
+    from tagsway.sets.ledger import open_ledger
+    from tagsway.sets.manifest import Item, MeasurementSet
+
+    rng, settings = np.random.default_rng(0), Settings()
+    decay_time = np.linspace(0, 2.5, 200)
+    items = []
+    with open_ledger(root / "out") as ledger:
+        for number in range(rows):
+            name = f"s{number % 12}/r{number}.mp4"
+            factors = (("direction", "x" if number % 2 else "z"), ("vacuum_mbar", 500 + number % 3))
+            item = Item(name=name, path=name, subset=f"s{number % 12}", factors=factors, settings=settings, picks=False)
+            frequency = 2.4 + 0.03 * rng.normal()
+            row = {
+                "status": "ok",
+                "error": None,
+                "natural_frequency_hz": frequency,
+                "natural_frequency_std_hz": 1e-3,
+                "damping_ratio": 0.01 * np.exp(0.2 * rng.normal()),
+                "damping_ratio_std": 1e-4,
+            }
+            sway = 20 * np.exp(-0.2 * decay_time) * np.cos(2 * np.pi * frequency * decay_time)
+            decay = {"time_s": decay_time.round(4).tolist(), "sway": sway.round(4).tolist(), "unit": "mm"}
+            lines = (json.dumps({"rows": [row]}), json.dumps({"result": {}, "decay": decay}))
+            sha256 = f"{number:064x}"
+            key = result_key(sha256, ledger.settings_digest(item))
+            ledger.enter(item, Outcome(key=key, sha256=sha256, lines=lines), stamp=None)
+            items.append(item)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        start = time.perf_counter()
+        write_batch(MeasurementSet(name="many", root=root, items=tuple(items)), ledger)
+        seconds = time.perf_counter() - start
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    written = len(pd.read_csv(root / "out" / "measurements.csv", usecols=["file"]))
+    print(
+        f"{written} rows: tables and figures in {seconds:.1f} s, peak of memory {peak / 1024:.0f} MB "
+        f"({before / 1024:.0f} MB before)"
+    )
+    shutil.rmtree(root / "out")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""`identify batch SET`: many measurements."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tagsway.errors import InputError
+
+if TYPE_CHECKING:
+    from tagsway.sets.batch import Batch
+    from tagsway.sets.jobs import Outcome
+
+SOME_FAILED = 4
+"""Exit code: the others were done."""
+
+MOST_NAMED = 20
+"""Failed files that are named on standard error; all of them are in measurements.csv."""
+
+
+def batch(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            help="A folder of subsets, a set.toml, a table with a column 'file', or a clip with many picks.",
+            metavar="SET",
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results.", show_default="NAME-identify")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes, each on one core.", show_default="the cores")] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="A Dask scheduler instead, such as tcp://host:8786.", metavar="ADDRESS")
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Go on looking for new files, until Ctrl-C.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
+) -> None:
+    """Measure a whole set: what is missing or changed, each file once."""
+    from tagsway.files import check_writable
+    from tagsway.sets.batch import hire, measure_set, watch_set, write_batch
+    from tagsway.sets.ledger import open_ledger
+    from tagsway.sets.manifest import find_set
+
+    if workers is not None and cluster is not None:
+        raise InputError("--workers is of this machine and --cluster of others: give one of them")
+    if workers is not None and not workers >= 1:
+        raise InputError(f"--workers is {workers}: expected 1 or more")
+    folder = Path(f"{path.resolve().stem}-identify") if out is None else out
+    check_writable(folder)
+    find_set(path, leave_out=folder, may_be_empty=watch)  # a set that cannot be used leaves no folder behind
+    count = workers or _cores()
+
+    with open_ledger(folder) as ledger:
+        try:
+            with _display(path.name, shown=not quiet) as (begin, report):
+                if watch:
+                    watch_set(path, ledger, lambda: hire(count, cluster), begin=begin, report=report)
+                done = measure_set(path, ledger, lambda: hire(count, cluster), begin=begin, report=report)
+        except KeyboardInterrupt:
+            if not watch:
+                typer.echo(f"what is done is kept in {folder}/: the same command goes on from there", err=True)
+                raise
+            done = write_batch(find_set(path, leave_out=folder, may_be_empty=True), ledger)
+    _tell(done, folder, quiet=quiet)
+
+
+def _tell(done: "Batch", folder: Path, *, quiet: bool) -> None:
+    table = done.tables.measurements
+    failed = table[table["status"].isin(["failed", "not_determined"])]
+    if not quiet:
+        typer.echo("\n".join(_summary_lines(done)))
+        typer.echo(f"\nwritten to {folder}/: measurements.csv, summary.csv, shaper.json, figures/")
+        for notice in done.notices:
+            typer.echo(f"note: {notice.message}", err=True)
+    for file, reason in list(zip(failed["file"], failed["error"], strict=True))[:MOST_NAMED]:
+        typer.echo(f"failed: {reason if file in reason else f'{file}: {reason}'}", err=True)
+    if len(failed) > MOST_NAMED:
+        typer.echo(f"failed: {len(failed) - MOST_NAMED} more, see {folder / 'measurements.csv'}", err=True)
+    if len(failed):
+        raise typer.Exit(SOME_FAILED)
+
+
+def _summary_lines(done: "Batch") -> list[str]:
+    """Return summary.csv as people read it: a line a subset."""
+    summary = done.tables.summary
+    width = max(len("subset"), *(len(name) for name in summary["subset"]))
+    lines = [
+        f"{'subset':<{width}}  {'n':>5} {'failed':>6} {'rejected':>8}   {'f_n (Hz)':>9} {'± %':>6} {'s':>8}   "
+        f"{'ζ':>9} {'± %':>6}"
+    ]
+    for row in summary.to_dict("records"):
+        frequency, damping = (
+            [row[f"{name}_{what}"] for what in whats]
+            for name, whats in (
+                ("natural_frequency", ("median_hz", "deviation_percent", "s_hz")),
+                ("damping_ratio", ("median", "deviation_percent")),
+            )
+        )
+        lines.append(
+            f"{row['subset']:<{width}}  {row['n']:>5} {row['failed']:>6} {row['rejected']:>8}   "
+            f"{_number(frequency[0], '9.4f')} {_number(frequency[1], '6.2f')} {_number(frequency[2], '8.4f')}   "
+            f"{_number(damping[0], '9.5f')} {_number(damping[1], '6.1f')}"
+        )
+    return lines
+
+
+def _number(value: float | None, form: str) -> str:
+    missing = value is None or value != value
+    return "-".rjust(int(form.split(".")[0])) if missing else format(value, form)
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def _display(name: str, *, shown: bool) -> Iterator[tuple[Callable[[int, int], None], Callable[["Outcome"], None]]]:
+    """Give what shows a set's progress: files done, failed and left, frames per second, time left."""
+    import sys
+
+    if not shown or not sys.stderr.isatty():
+        yield lambda total, kept: None, lambda outcome: None
+        return
+    from rich import progress as rich
+    from rich.console import Console
+
+    columns = (
+        rich.TextColumn("{task.description}"),
+        rich.BarColumn(),
+        rich.TextColumn("{task.completed} done, {task.fields[failed]} failed, {task.fields[left]} left"),
+        rich.TextColumn("{task.fields[speed]} fps"),
+        rich.TimeRemainingColumn(),
+    )
+    with rich.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=None, failed=0, left="?", speed="-")
+        frames = failed = 0
+
+        def begin(total: int, kept: int) -> None:
+            bar.update(task, total=total, completed=kept, left=total - kept)
+
+        def report(outcome: "Outcome") -> None:
+            nonlocal frames, failed
+            frames, failed = frames + outcome.frames, failed + outcome.failed
+            shown_task = bar.tasks[0]
+            left = int((shown_task.total or 0) - shown_task.completed - 1)
+            speed = f"{frames / shown_task.elapsed:.0f}" if shown_task.elapsed else "-"
+            bar.update(task, advance=1, failed=failed, left=max(left, 0), speed=speed)
+
+        yield begin, report

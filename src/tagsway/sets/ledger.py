@@ -1,0 +1,215 @@
+"""The folder of a set's results: what is done, what was tried, and who may write."""
+
+import json
+import os
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Any
+
+from tagsway.errors import InputError
+from tagsway.files import write_text
+from tagsway.model import Settings
+from tagsway.sets.jobs import FILE, Outcome, named_files, result_key, result_path, settings_digest
+from tagsway.sets.manifest import ATTEMPTS, Item
+from tagsway.sets.remote import stamp_of
+from tagsway.store.steps import file_sha256
+
+SCHEMA = "tagsway/measured/1"
+LOCK, DIGESTS = ".lock", "files.jsonl"
+
+
+@dataclass(slots=True)
+class Ledger:
+    """What is known of a set's files; only one process at a time has it open.
+
+    Parameters
+    ----------
+    out : Path
+        The folder of the results.
+    """
+
+    out: Path
+    _digests: dict[str, tuple[str | None, str]] = field(default_factory=dict)
+    _named: dict[str, str] = field(default_factory=dict)
+    _settings: dict[tuple[Settings, bool], str] = field(default_factory=dict)
+    _failures: dict[str, str] = field(default_factory=dict)
+
+    def settings_digest(self, item: Item) -> str:
+        """Return the digest of an item's settings; the files that they name are read once.
+
+        Raises
+        ------
+        InputError
+            Where such a file cannot be read.
+        """
+        for name in named_files(item.settings):
+            if name not in self._named:
+                try:
+                    self._named[name] = file_sha256(Path(name))
+                except OSError as fault:
+                    raise InputError(
+                        f"{item.name}: its settings name {name}: {(fault.strerror or '').lower()}"
+                    ) from None
+        alike = (item.settings, item.picks)
+        if alike not in self._settings:
+            self._settings[alike] = settings_digest(item, self._named)
+        return self._settings[alike]
+
+    def find_key(self, item: Item, digest: str) -> str | None:
+        """Return the key of an item's result, where it is kept and the file has not changed since."""
+        known = self._digests.get(item.name)
+        if known is None or known[0] is None or known[0] != stamp_of(item.path):
+            return None
+        key = result_key(known[1], digest)
+        return key if result_path(self.out, key).exists() else None
+
+    def rows(self, item: Item) -> list[dict[str, Any]]:
+        """Return what is known of an item: a row for each of its measurements, or none where it was not tried yet."""
+        known = self._digests.get(item.name)
+        if item.name in self._failures:
+            return [{"status": "failed", "error": self._failures[item.name]}]
+        if known is None:
+            return []
+        path = result_path(self.out, result_key(known[1], self.settings_digest(item)))
+        head = _first_line(path)
+        if head is None:
+            return []
+        rows: list[dict[str, Any]] = head["rows"]
+        for row in rows:
+            if row.get("error"):
+                row["error"] = row["error"].replace(FILE, item.name)
+        return rows
+
+    def decays(self, item: Item) -> list[dict[str, Any] | None]:
+        """Return the free decay of each of an item's measurements."""
+        known = self._digests.get(item.name)
+        if known is None or item.name in self._failures:
+            return []
+        path = result_path(self.out, result_key(known[1], self.settings_digest(item)))
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()[1:]
+            return [json.loads(line)["decay"] for line in lines]
+        except (OSError, ValueError, KeyError):
+            return []
+
+    def enter(self, item: Item, outcome: Outcome, *, stamp: str | None) -> None:
+        """Keep what became of an item: its result whole, then the digest of its content.
+
+        Parameters
+        ----------
+        item : Item
+            Of the set.
+        outcome : Outcome
+            What its worker says.
+        stamp : str or None
+            Of the file before it was measured.
+        """
+        self._failures.pop(item.name, None)
+        if outcome.key is None or outcome.sha256 is None:
+            self._failures[item.name] = outcome.error or "not known"
+            return
+        path = result_path(self.out, outcome.key)
+        if outcome.lines and not path.exists():
+            head = {"schema": SCHEMA, **json.loads(outcome.lines[0])}
+            text = json.dumps(head, ensure_ascii=False, separators=(",", ":"))
+            write_text(path, "\n".join([text, *outcome.lines[1:]]) + "\n")
+        self._digests[item.name] = (stamp, outcome.sha256)
+        _append(self.out / DIGESTS, {"file": item.name, "stamp": stamp, "sha256": outcome.sha256})
+
+    def note(self, item: Item, event: str, **details: Any) -> None:
+        """Write into the log what was tried, and when."""
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        _append(self.out / ATTEMPTS, {"time": now, "event": event, "file": item.name, **details})
+
+    def load(self) -> None:
+        """Read what earlier runs knew, and take away what a killed one left behind."""
+        for entry in _read_lines(self.out / DIGESTS):
+            if {"file", "stamp", "sha256"} <= entry.keys():
+                self._digests[entry["file"]] = (entry["stamp"], entry["sha256"])
+        lines = [
+            json.dumps({"file": name, "stamp": stamp, "sha256": sha256}, ensure_ascii=False)
+            for name, (stamp, sha256) in self._digests.items()
+        ]
+        if lines:
+            write_text(self.out / DIGESTS, "\n".join(lines) + "\n")
+        results = self.out / "results"
+        for stray in results.glob("*/.*.jsonl"):
+            stray.unlink(missing_ok=True)
+
+
+@contextmanager
+def open_ledger(out: Path) -> Iterator[Ledger]:
+    """Give the ledger of a folder, which nobody else has meanwhile.
+
+    Raises
+    ------
+    InputError
+        Where another batch writes into the folder.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / LOCK).open("a+", encoding="utf-8") as lock:
+        if not _try_lock(lock):
+            lock.seek(0)
+            who = lock.read().strip() or "another process"
+            raise InputError(
+                f"{out} is in use by another batch ({who}): wait for it, or give another folder with --out"
+            )
+        lock.truncate(0)
+        lock.write(f"process {os.getpid()} on {socket.gethostname()}")
+        lock.flush()
+        ledger = Ledger(out)
+        ledger.load()
+        try:
+            yield ledger
+        finally:
+            lock.truncate(0)
+
+
+def _try_lock(file: IO[str]) -> bool:
+    """Lock a file as long as it is open: the system lets go of it however the process ends."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            file.seek(1 << 30)  # beyond the text, which others may read
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _append(path: Path, entry: dict[str, Any]) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(entry, ensure_ascii=False) + "\n")
+
+
+def _read_lines(path: Path) -> Iterator[dict[str, Any]]:
+    """Give the entries of a log; what a killed run left half written is none."""
+    if not path.exists():
+        return
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            try:
+                entry = json.loads(line)
+            except ValueError:
+                continue
+            if isinstance(entry, dict):
+                yield entry
+
+
+def _first_line(path: Path) -> dict[str, Any] | None:
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = json.loads(file.readline())
+    except (OSError, ValueError):
+        return None
+    return head if isinstance(head, dict) and head.get("schema") == SCHEMA else None

@@ -1,0 +1,343 @@
+"""What a set consists of: a folder of subsets, a manifest, or one clip with many picks."""
+
+import csv
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tagsway.errors import InputError
+from tagsway.model import Settings
+from tagsway.sets.options import OPTIONS, inside, make_settings, read_options, unknown_key
+from tagsway.sets.remote import find_remote, is_url
+
+SET_SCHEMA = "tagsway/set/1"
+MANIFEST, TABLE, INHERITED = "set.toml", "set.csv", "identify.toml"
+ATTEMPTS = "attempts.jsonl"
+"""The log by which a folder of results is known."""
+
+FILMS = frozenset(
+    {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ts", ".wmv"}
+    | {".cine", ".cihx", ".cih"}
+)
+TRACKS = frozenset({".csv", ".tsv"})
+
+FACTORS = frozenset(
+    {"condition", "cup", "date", "direction", "gripper", "move", "operator", "payload", "pick_position"}
+    | {"place_position", "product", "repeat", "robot", "run", "sample", "set", "shaped", "shaped_axes", "speed"}
+    | {"vacuum", "vacuum_mbar", "acceleration", "velocity", "max_acceleration_m_s2", "max_velocity_m_s"}
+)
+"""What a measurement may say of itself; others as `factor_NAME`."""
+
+OWN = frozenset({"file", "subset", "settings"})
+PREFIX = "factor_"
+
+Factor = str | int | float | bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """One file of a set.
+
+    Parameters
+    ----------
+    name : str
+        Its path in the set, with forward slashes; or its URL.
+    path : str
+        Where it is read from.
+    subset : str
+        To which its measurements belong.
+    factors : tuple of (str, Factor)
+        What was varied, sorted by name.
+    settings : Settings
+        What the user said about it.
+    picks : bool
+        Each of its moves is a measurement of its own.
+    """
+
+    name: str
+    path: str
+    subset: str
+    factors: tuple[tuple[str, Factor], ...]
+    settings: Settings
+    picks: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasurementSet:
+    """All files of a set, by name.
+
+    Parameters
+    ----------
+    name : str
+        What to call it.
+    root : Path
+        Its folder.
+    items : tuple of Item
+        Sorted by subset and name.
+    """
+
+    name: str
+    root: Path
+    items: tuple[Item, ...]
+
+
+def find_set(path: Path, *, leave_out: Path | None = None, may_be_empty: bool = False) -> MeasurementSet:
+    """Find all files of a set and what is said of each.
+
+    Parameters
+    ----------
+    path : Path
+        A folder, with a set.toml or a set.csv, or of subfolders that are its subsets; a manifest (.toml, or a .csv
+        with a column `file`); or a clip, each move of which is a measurement.
+    leave_out : Path, optional
+        A folder in which nothing is looked for: that of the results.
+    may_be_empty : bool
+        For a folder that is being filled.
+
+    Returns
+    -------
+    MeasurementSet
+
+    Raises
+    ------
+    InputError
+        Where there is no such set, a key is not known, a path leaves the set, or a file is named twice.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such set; give a folder, a set.toml, a table of files, or a clip")
+    folder = path if path.is_dir() else path.parent
+    if leave_out is not None and folder.resolve().is_relative_to(leave_out.resolve()):
+        raise InputError(f"--out {leave_out} holds the set {path}: give a folder of its own for the results")
+    if path.is_dir():
+        finder = _Finder(path, leave_out, may_be_empty)
+        items = finder.from_folder()
+    else:
+        finder = _Finder(path.parent, leave_out, may_be_empty)
+        if path.suffix.lower() == ".toml":
+            items = list(finder.from_toml(path))
+        elif path.suffix.lower() == ".csv" and (rows := _manifest_rows(path)) is not None:
+            items = list(finder.from_rows(rows, path))
+        else:
+            items = [
+                finder.item(path.resolve(), subset=path.stem, stated={"picks": True}, factors={}, origin=path.name)
+            ]
+    if not items and not may_be_empty:
+        raise InputError(f"{path} holds no videos and no tracks: expected files that end in {', '.join(sorted(FILMS))}")
+    _refuse_twice(items)
+    items.sort(key=lambda item: (item.subset, item.name))
+    return MeasurementSet(name=path.resolve().stem, root=finder.root, items=tuple(items))
+
+
+class _Finder:
+    def __init__(self, root: Path, leave_out: Path | None, may_be_empty: bool) -> None:
+        self.root = root.resolve()
+        self._leave_out = None if leave_out is None else leave_out.resolve()
+        self._may_be_empty = may_be_empty
+        self._inherited: dict[Path, dict[str, Any]] = {}
+        self._settings: dict[str, Settings] = {}
+
+    def from_folder(self) -> list[Item]:
+        """Return the files of the folder: as its manifest says, or else all of them."""
+        if (path := self.root / MANIFEST).exists():
+            return list(self.from_toml(path))
+        if (path := self.root / TABLE).exists() and (rows := _manifest_rows(path)) is not None:
+            return list(self.from_rows(rows, path))
+        return list(self.from_folders())
+
+    def from_folders(self, stated: Mapping[str, Any] | None = None) -> Iterator[Item]:
+        for file in _walk(self.root, self._leave_out):
+            inside(file, self.root, origin=str(self.root))
+            yield self.item(file, subset=_subset_of(file, self.root), stated=stated or {}, factors={}, origin="")
+
+    def from_toml(self, path: Path) -> Iterator[Item]:
+        try:
+            document = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
+            raise InputError(f"{path} is not TOML ({fault}); give a {SET_SCHEMA} file") from None
+        if (schema := document.pop("schema", None)) != SET_SCHEMA:
+            raise InputError(f"{path}: expected schema = {SET_SCHEMA!r}, found {schema!r}")
+        entries, common = document.pop("measurement", []), document.pop("settings", {})
+        for name in document:
+            raise InputError(f"{path}: {unknown_key(name, ('schema', 'settings', 'measurement'))}")
+        if not (isinstance(entries, list) and all(isinstance(entry, dict) for entry in entries)):
+            raise InputError(f"{path}: measurement is one table: expected [[measurement]], in two brackets")
+        if not isinstance(common, dict):
+            raise InputError(f"{path}: settings is {common!r}: expected a table, [settings]")
+        stated = read_options(common, folder=self.root, root=self.root, origin=f"{path}, settings")
+        if not entries:
+            yield from self.from_folders(stated)
+        for number, entry in enumerate(entries, start=1):
+            yield from self._entry(entry, stated, origin=f"{path}, measurement {number}")
+
+    def from_rows(self, rows: list[dict[str, str]], path: Path) -> Iterator[Item]:
+        for line, row in enumerate(rows, start=2):
+            entry = {name: _number_or_text(text) for name, text in row.items() if text and text.strip()}
+            for name in ("file", "subset"):
+                if name in entry:
+                    entry[name] = row[name].strip()
+            yield from self._entry(entry, {}, origin=f"{path}, line {line}")
+
+    def item(
+        self, file: Path | str, *, subset: str, stated: Mapping[str, Any], factors: Mapping[str, Factor], origin: str
+    ) -> Item:
+        if isinstance(file, Path):
+            name = file.relative_to(self.root).as_posix()
+            stated = {**self._inherit(file.parent), **stated}
+        else:
+            name = file
+            stated = {**self._inherit(self.root), **stated}
+        return Item(
+            name=name,
+            path=str(file),
+            subset=subset,
+            factors=tuple(sorted(factors.items())),
+            settings=self._make_settings(stated, origin or name),
+            picks=bool(stated.get("picks", False)),
+        )
+
+    def _make_settings(self, stated: Mapping[str, Any], origin: str) -> Settings:
+        """Return the same settings for the same options: a set has many files and few settings."""
+        key = repr(sorted(stated.items()))
+        if key not in self._settings:
+            self._settings[key] = make_settings(stated, origin=origin)
+        return self._settings[key]
+
+    def _entry(self, entry: Mapping[str, Any], common: Mapping[str, Any], *, origin: str) -> Iterator[Item]:
+        factors, flat = _sort_keys(entry, origin)
+        nested = entry.get("settings", {})
+        if not isinstance(nested, dict):
+            raise InputError(f"{origin}: settings is {nested!r}: expected a table of options")
+        stated = dict(common)
+        for table in (flat, nested):
+            stated |= read_options(table, folder=self.root, root=self.root, origin=origin)
+        patterns = entry.get("file")
+        patterns = [patterns] if isinstance(patterns, str) else patterns
+        if not patterns or not isinstance(patterns, list) or not all(isinstance(p, str) and p for p in patterns):
+            raise InputError(f"{origin}: file is {entry.get('file')!r}: expected a name or a pattern such as 'a/*.mp4'")
+        subset = entry.get("subset")
+        if subset is not None and not (isinstance(subset, str) and subset.strip()):
+            raise InputError(f"{origin}: subset is {subset!r}: expected a name")
+        for pattern in patterns:
+            for file in self._matches(pattern, origin):
+                own = subset or _subset_of(file, self.root)
+                yield self.item(file, subset=own, stated=stated, factors=factors, origin=origin)
+
+    def _matches(self, pattern: str, origin: str) -> Iterable[Path | str]:
+        if is_url(pattern):
+            return find_remote(pattern, origin=origin)
+        if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+            raise InputError(
+                f"{origin}: file {pattern!r} may lead out of the set {self.root}: expected a path inside it"
+            )
+        found = [p for p in sorted(self.root.glob(pattern)) if not self._is_left_out(p)]
+        files = [p for p in found if p.is_file() or (p.is_dir() and not any(c in pattern for c in "*?["))]
+        if not files and not self._may_be_empty:
+            raise InputError(f"{origin}: file {pattern!r} matches nothing in {self.root}")
+        for file in files:
+            inside(file, self.root, origin=origin)
+        return files
+
+    def _is_left_out(self, path: Path) -> bool:
+        return self._leave_out is not None and path.resolve().is_relative_to(self._leave_out)
+
+    def _inherit(self, folder: Path) -> dict[str, Any]:
+        """Return what the identify.toml of a folder and of those above it, up to the set's, say; the nearest wins."""
+        if folder not in self._inherited:
+            above = {} if folder == self.root else self._inherit(folder.parent)
+            path = folder / INHERITED
+            own: dict[str, Any] = {}
+            if path.exists():
+                try:
+                    table = tomllib.loads(path.read_text(encoding="utf-8"))
+                except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
+                    raise InputError(f"{path} is not TOML ({fault})") from None
+                nested = table.pop("settings", {})
+                table.pop("schema", None)
+                if not isinstance(nested, dict):
+                    raise InputError(f"{path}: settings is {nested!r}: expected a table of options")
+                own = read_options({**table, **nested}, folder=folder, root=self.root, origin=str(path))
+            self._inherited[folder] = {**above, **own}
+        return self._inherited[folder]
+
+
+def _walk(folder: Path, leave_out: Path | None) -> Iterator[Path]:
+    """Give the videos and tracks in a folder and those below, sorted; nothing hidden, and no folder of results."""
+    for entry in sorted(folder.iterdir()):
+        if entry.name.startswith(".") or entry.name.endswith("-identify") or entry.resolve() == leave_out:
+            continue
+        if entry.is_dir() and ((entry / ATTEMPTS).exists() or entry.is_symlink()):
+            continue
+        if entry.is_dir():
+            yield from _walk(entry, leave_out)
+        elif entry.is_file() and entry.suffix.lower() in FILMS | TRACKS:
+            yield entry
+
+
+def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor], dict[str, Any]]:
+    """Return the factors and the options among the keys of a measurement."""
+    factors: dict[str, Factor] = {}
+    options: dict[str, Any] = {}
+    for key, value in entry.items():
+        name = key.replace("-", "_")
+        if name in OWN:
+            continue
+        if name in OPTIONS:
+            options[name] = value
+            continue
+        if name.startswith(PREFIX) and len(name) > len(PREFIX):
+            name = name.removeprefix(PREFIX)
+        elif name not in FACTORS:
+            known = unknown_key(name, OWN | OPTIONS | FACTORS)
+            raise InputError(f"{origin}: {known}; a factor of another name is written {PREFIX}{name}")
+        if isinstance(value, list) and all(isinstance(part, str) for part in value):
+            value = "-".join(value) or "none"
+        if not isinstance(value, (str, int, float, bool)):
+            raise InputError(f"{origin}: {key} is {value!r}: expected a word or a number")
+        factors[name] = value
+    return factors, options
+
+
+def _subset_of(file: Path | str, root: Path) -> str:
+    if isinstance(file, str):
+        return file.rpartition("/")[0]
+    where = file.parent.relative_to(root).as_posix()
+    return root.name if where == "." else where
+
+
+def _manifest_rows(path: Path) -> list[dict[str, str]] | None:
+    """Return the rows of a table of files; None where it has no column `file`, as a track has none."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as text:
+            header = text.readline()
+            text.seek(0)
+            delimiter = max(",;\t", key=header.count)
+            reader = csv.DictReader(text, delimiter=delimiter, skipinitialspace=True, restkey="", restval="")
+            if "file" not in [name.strip() for name in reader.fieldnames or ()]:
+                return None
+            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+            return list(reader)
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text table; give a table with a column 'file'") from None
+
+
+def _number_or_text(text: str) -> Any:
+    """Return a field of a table as TOML would read it: a number, true or false, or a word."""
+    text = text.strip()
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _refuse_twice(items: list[Item]) -> None:
+    seen: set[str] = set()
+    for item in items:
+        if item.name in seen:
+            raise InputError(f"{item.name} is in the set twice: expected each file in one [[measurement]] only")
+        seen.add(item.name)

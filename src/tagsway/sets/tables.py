@@ -1,0 +1,220 @@
+"""From rows to tables: what is rejected, and what a subset's measurements say together."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from tagsway.errors import NotIdentifiableError
+from tagsway.model import BoolArray, FloatArray
+from tagsway.repeats import factor_share, fit_random_effects, reject_beyond_sigma, reject_by_esd, summarise_repeats
+from tagsway.sets.ledger import Ledger
+from tagsway.sets.manifest import Item
+from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
+
+FIRST = ("file", "pick", "subset")
+TEXTS = ("status", "error", "warnings", "rejected_by")
+NUMBERS = (
+    "frames",
+    "window_start_s",
+    "window_end_s",
+    "cycles",
+    FREQUENCY,
+    FREQUENCY_STD,
+    DAMPING,
+    "damping_ratio_std",
+    "operating_frequency_hz",
+    "operating_frequency_std_hz",
+    "amplitude_mm",
+    "amplitude_std_mm",
+    "length_mm",
+    "length_std_mm",
+    "tag_radius_mm",
+    "tag_radius_std_mm",
+    "settling_time_s",
+    "overshoot_percent",
+    "trajectory_time_s",
+    "motion_time_s",
+)
+"""Columns of measurements.csv beside the factors, which stand after the first ones."""
+
+WHOLE = "(all)"
+"""The summary's last row."""
+
+PICKED = "pick_position"
+REPEATED = frozenset({"set", "repeat", "run", "date", "operator"})
+"""Factors that tell repeats apart, and not what was repeated."""
+
+NO_NUMBER = frozenset({"failed", "not_determined"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tables:
+    """What a set comes to.
+
+    Parameters
+    ----------
+    measurements : DataFrame
+        A row a measurement, sorted by subset, file and pick.
+    summary : DataFrame
+        A row a subset, and one for all.
+    """
+
+    measurements: pd.DataFrame
+    summary: pd.DataFrame
+
+    @property
+    def subsets(self) -> list[str]:
+        """Their names, sorted."""
+        return [name for name in self.summary["subset"] if name != WHOLE]
+
+    def kept(self, subset: str | None = None) -> pd.DataFrame:
+        """Return the measurements that have a frequency and were not rejected, of one subset or of all."""
+        table = self.measurements
+        kept = table[(table["rejected_by"] == "") & table[FREQUENCY].notna()]
+        return kept if subset is None else kept[kept["subset"] == subset]
+
+
+def tabulate(items: Iterable[Item], ledger: Ledger) -> Tables:
+    """Gather what is known of a set's files; those not tried yet are left out.
+
+    Parameters
+    ----------
+    items : iterable of Item
+        Of the set.
+    ledger : Ledger
+        Where their results are.
+    """
+    rows = []
+    for item in items:
+        for row in ledger.rows(item):
+            rows.append({"file": item.name, "subset": item.subset, **dict(item.factors), **row})
+    return make_tables(rows)
+
+
+def make_tables(rows: Iterable[Mapping[str, Any]]) -> Tables:
+    """Make a set's tables from a row a measurement.
+
+    Parameters
+    ----------
+    rows : iterable of mapping
+        With `file`, `subset`, `status`, factors, and the numbers that were found.
+    """
+    table = pd.DataFrame.from_records(list(rows))
+    known = [*FIRST, *TEXTS, *NUMBERS]
+    factors = sorted(name for name in table.columns if name not in known)
+    table = table.reindex(columns=[*FIRST, *factors, "status", "error", *NUMBERS, "warnings", "rejected_by"])
+    for name in NUMBERS:
+        table[name] = pd.to_numeric(table[name])
+    for name in ("pick", "frames"):
+        table[name] = pd.to_numeric(table[name]).astype("Int64")
+    for name in factors:
+        if not pd.api.types.is_numeric_dtype(table[name]):
+            table[name] = _as_text(table[name])
+    for name in ("error", "warnings", "rejected_by"):
+        table[name] = _as_text(table[name])
+    table = table.sort_values(["subset", "file", "pick"], kind="stable", ignore_index=True)
+    for _, part in table.groupby("subset", sort=True):
+        table.loc[part.index, "rejected_by"] = reject(part)
+    summary = [summarise(str(name), part) for name, part in table.groupby("subset", sort=True)]
+    return Tables(measurements=table, summary=pd.DataFrame.from_records([*summary, summarise(WHOLE, table)]))
+
+
+def reject(part: pd.DataFrame) -> list[str]:
+    """Return for each measurement of a subset which tests reject it, and by which number; "" where none does.
+
+    ±3σ as it is usually asked for, and the generalised ESD test (Grubbs' below 15 repeats); the latter on the damping
+    ratio's logarithm, as that spans decades.
+    """
+    frequency, damping = (part[name].to_numpy(dtype=float) for name in (FREQUENCY, DAMPING))
+    logarithm: FloatArray = np.log(np.where(damping > 0, damping, np.nan))
+    verdicts: list[tuple[str, BoolArray]] = []
+    for name, value, scaled in ((FREQUENCY, frequency, frequency), (DAMPING, damping, logarithm)):
+        verdicts.append((f"3-sigma {name}", np.isfinite(value) & ~reject_beyond_sigma(value).kept))
+        verdicts.append((f"esd {name}", np.isfinite(scaled) & ~reject_by_esd(scaled).kept))
+    return ["; ".join(name for name, out in verdicts if out[row]) for row in range(len(part))]
+
+
+def summarise(name: str, part: pd.DataFrame) -> dict[str, Any]:
+    """Return a row of summary.csv: how many, and medians, ± deviation and s of what was kept."""
+    failed = part["status"].isin(NO_NUMBER).to_numpy()
+    rejected = (part["rejected_by"] != "").to_numpy()
+    kept = part[~failed & ~rejected]
+    row: dict[str, Any] = {
+        "subset": name,
+        "n": len(part),
+        "failed": int(failed.sum()),
+        "rejected": int(rejected.sum()),
+        "used": len(kept),
+    }
+    for label, column, ending in (
+        ("natural_frequency", FREQUENCY, "_hz"),
+        ("damping_ratio", DAMPING, ""),
+        ("amplitude", "amplitude_mm", "_mm"),
+        ("length", "length_mm", "_mm"),
+    ):
+        values = kept[column].to_numpy(dtype=float)
+        told = summarise_repeats(values) if np.isfinite(values).any() else None
+        row[f"{label}_median{ending}"] = None if told is None else told.median
+        row[f"{label}_deviation_percent"] = None if told is None else told.deviation_percent
+        row[f"{label}_s{ending}"] = None if told is None else told.std
+    return {**row, **_between(kept)}
+
+
+def share_picks(kept: pd.DataFrame) -> pd.DataFrame:
+    """Return which share of the variance comes from the pick position, where it is varied and held.
+
+    Parameters
+    ----------
+    kept : DataFrame
+        Measurements, in which the factor `pick_position` is "varied" or "held".
+
+    Returns
+    -------
+    DataFrame
+        A row for each quantity and each combination of the other factors that has both, with the share's standard
+        error and interval; empty where nothing was varied or the sets are too small.
+    """
+    rows: list[dict[str, Any]] = []
+    if PICKED not in kept or not {"varied", "held"} <= set(kept[PICKED]):
+        return pd.DataFrame()
+    known = {*FIRST, *TEXTS, *NUMBERS, PICKED, *REPEATED}
+    others = [name for name in kept.columns if name not in known]
+    alike = kept[others].astype(str).agg(", ".join, axis=1) if others else pd.Series("", index=kept.index)
+    for words, part in kept.groupby(alike, sort=True):
+        for name in (FREQUENCY, DAMPING):
+            varied, held = (part.loc[part[PICKED] == level, name].to_numpy(dtype=float) for level in ("varied", "held"))
+            try:
+                share = factor_share(varied, held)
+            except NotIdentifiableError:
+                continue
+            row = {"factors": words, "quantity": name, "n_varied": len(varied), "n_held": len(held)}
+            rows.append({**row, "share": share.value, "std": share.std, "low": share.ci95[0], "high": share.ci95[1]})
+    return pd.DataFrame.from_records(rows)
+
+
+def modes_of(kept: pd.DataFrame, *, source: str) -> MeasuredModes | None:
+    """Return the modes of the measurements that have frequency and damping; None where there are none."""
+    whole = kept[kept[FREQUENCY].notna() & kept[DAMPING].notna()]
+    if not len(whole):
+        return None
+    frequency, damping, std = (whole[name].to_numpy(dtype=float) for name in (FREQUENCY, DAMPING, FREQUENCY_STD))
+    return MeasuredModes(frequency_hz=frequency, damping_ratio=damping, source=source, frequency_std_hz=std)
+
+
+def _between(kept: pd.DataFrame) -> dict[str, Any]:
+    """Return what differs between repeats against the error of each: of the natural frequency."""
+    value, std = (kept[name].to_numpy(dtype=float) for name in (FREQUENCY, FREQUENCY_STD))
+    usable = np.isfinite(value) & np.isfinite(std) & (std > 0)
+    names = ("between_s_hz", "between_s_low_hz", "between_s_high_hz", "within_s_hz")
+    if np.count_nonzero(usable) < 2:
+        return dict.fromkeys(names)
+    effects = fit_random_effects(value[usable], std[usable])
+    between = effects.between_std
+    return dict(zip(names, (between.value, *between.ci95, effects.within_std), strict=True))
+
+
+def _as_text(column: "pd.Series[Any]") -> "pd.Series[Any]":
+    return pd.Series(["" if pd.isna(value) else str(value) for value in column], index=column.index, dtype="str")

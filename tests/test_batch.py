@@ -1,0 +1,107 @@
+"""`identify batch`: options, exit codes, and a main process that is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from set_files import events, tables, write_set
+from tagsway.cli.app import run
+from tagsway.sets.ledger import open_ledger
+
+BATCH = [sys.executable, "-m", "tagsway", "batch"]
+PATIENCE_S = 120
+
+
+@pytest.fixture
+def inside(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def until(condition, process: "subprocess.Popen[bytes]") -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert process.poll() is None, "the batch ended too early"
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["none"], "none"),
+        (["set", "--workers", "0"], "--workers"),
+        (["set", "--workers", "1", "--cluster", "tcp://127.0.0.1:1"], "--cluster"),
+        (["empty"], "empty"),
+    ],
+)
+def test_a_set_that_cannot_be_used_ends_with_2_and_leaves_nothing(inside, capsys, arguments, word) -> None:
+    write_set(inside / "set", {"a": [2.0]})
+    (inside / "empty").mkdir()
+    before = sorted(inside.rglob("*"))
+    assert run(["batch", *arguments]) == 2
+    assert word in capsys.readouterr().err
+    assert sorted(inside.rglob("*")) == before
+
+
+def test_a_batch_ends_with_0_or_with_4_and_names_what_failed(inside, capsys) -> None:
+    write_set(inside / "set", {"a": [2.0, 2.1]})
+    assert run(["batch", "set", "--workers", "1"]) == 0
+    printed = capsys.readouterr()
+    assert "2.0500" in printed.out
+    (inside / "set" / "a" / "empty.mp4").touch()
+    assert run(["batch", "set", "--workers", "1", "--quiet"]) == 4
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == "failed: a/empty.mp4 is empty; give a video or a track as CSV\n"
+    assert run(["shaper", "--from", "set-identify/measurements.csv", "--type", "auto"]) == 0
+
+
+@pytest.mark.slow
+def test_a_main_process_that_is_killed_takes_its_workers_along_and_the_next_run_goes_on(inside) -> None:
+    write_set(inside / "set", {"a": [2.0 + 0.01 * n for n in range(10)]})
+    with subprocess.Popen([*BATCH, "set", "--out", "out", "--workers", "2", "--quiet"]) as first:
+        log = inside / "out" / "attempts.jsonl"
+        until(lambda: log.exists() and len(events(inside / "out", "finished")) >= 1, first)
+        first.kill()
+    assert 1 <= len(events(inside / "out", "finished")) < 10
+    for folder in ("out", "whole"):
+        assert subprocess.run([*BATCH, "set", "--out", folder, "--quiet"], check=False).returncode == 0
+    assert tables(inside / "out") == tables(inside / "whole")
+    done = events(inside / "out", "finished")
+    assert len(done) == len(set(done))
+
+
+def test_a_second_batch_in_the_same_folder_says_so(inside, capsys) -> None:
+    write_set(inside / "set", {"a": [2.0]})
+    with open_ledger(inside / "out"):
+        assert run(["batch", "set", "--out", "out"]) == 2
+    assert "in use by another batch (process" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent in another way there")
+def test_ctrl_c_ends_in_one_line_and_keeps_what_is_done(inside) -> None:
+    write_set(inside / "set", {"a": [2.0 + 0.01 * n for n in range(12)]})
+    process = subprocess.Popen(
+        [*BATCH, "set", "--out", "out", "--workers", "1"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    log = inside / "out" / "attempts.jsonl"
+    until(lambda: log.exists() and len(events(inside / "out", "finished")) >= 1, process)
+    os.killpg(process.pid, signal.SIGINT)
+    _, words = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert words.splitlines() == [
+        "what is done is kept in out/: the same command goes on from there",
+        "error: interrupted",
+    ]
+    assert list((inside / "out" / "results").glob("*/*.jsonl"))
