@@ -16,6 +16,10 @@ DRAG_STD_PER_RAD = 0.05
 SURELY = 0.95
 """Weight of a decay with drag from which on its values are taken."""
 
+REACH = 4.0
+"""Times its weight, that the decay with drag counts in the errors: two values apart have wider tails than a normal
+distribution of the same variance, and from a weight of 1/20 on the interval of 95 % must reach to the other one."""
+
 MOST_EVIDENCE = 100.0
 """Log of the odds beyond which nothing changes any more."""
 
@@ -41,10 +45,11 @@ class HiddenDrag:
         return self.weight > SURELY
 
     def widen(self, plain: DecayFit) -> DecayFit:
-        """Return a decay without drag whose errors reach to the one with it, by the weights of both."""
+        """Return a decay without drag whose errors reach to the one with it."""
         change = self.fit.parameters - plain.parameters
         covariance = self.fit.covariance + np.outer(change, change)
-        return replace(plain, covariance=(1 - self.weight) * plain.covariance + self.weight * covariance)
+        share = min(1.0, REACH * self.weight)
+        return replace(plain, covariance=(1 - share) * plain.covariance + share * covariance)
 
 
 def weigh_drag(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> HiddenDrag | None:
@@ -76,7 +81,7 @@ def weigh_drag(samples: Samples, fit: DecayFit, *, curvature: float, prior: Soft
         w / (1 - w) = σ (σ² + s²)^-1/2 exp(d̂² s² / 2 σ² (σ² + s²))
 
     The prior enters as one more measurement, y = ŷ - K d̂ with K = C e (σ² + s²)⁻¹. Values are those of the decay
-    without drag until w is large; the errors are those of both, about these values, by their weights.
+    without drag until w is large; the errors are those of both, about these values.
 
     References
     ----------

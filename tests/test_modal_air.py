@@ -1,0 +1,47 @@
+"""A drag that no test can see: in the errors of the damping ratio, and not in its value until it is sure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pendulum_scenes import FLEXIBLE, Recording, pick_and_place, record
+from tagsway.modal import identify_modes
+from tagsway.model import ModalEstimate
+
+SEEDS = range(8)
+SHORT_S = 1.2
+
+
+def identify(recording: Recording) -> ModalEstimate:
+    return identify_modes(recording.track, recording.window).estimate
+
+
+def damping_of(drag_per_rad: float, seed: int) -> tuple[ModalEstimate, float]:
+    pendulum = replace(FLEXIBLE, quadratic_drag_per_rad=drag_per_rad)
+    omega = np.sqrt(9.81 / pendulum.length_m + pendulum.stiffness_over_inertia_rad2_s2)
+    truth = pendulum.damping_over_inertia_rad_s / (2 * omega)
+    return identify(record(pendulum, pick_and_place(2.0), seed=seed, decay_s=SHORT_S)), float(truth)
+
+
+@pytest.mark.parametrize("drag_per_rad", [0.0, 0.03, 0.06])
+def test_the_interval_holds_the_damping_of_a_small_swing_with_and_without_drag(drag_per_rad) -> None:
+    inside = []
+    for seed in SEEDS:
+        found, truth = damping_of(drag_per_rad, seed)
+        inside.append(found.damping_ratio.ci95[0] <= truth <= found.damping_ratio.ci95[1])
+    # statistics: of 8 intervals of 95 %, 6 or more hold it in 99.4 % of all cases
+    assert sum(inside) >= 6
+
+
+def test_the_damping_at_the_swing_seen_stays_sharp_where_that_of_a_small_one_is_not() -> None:
+    found, _ = damping_of(0.0, 0)
+    assert found.operating_damping_ratio.std < 0.5 * found.damping_ratio.std
+
+
+def test_without_a_tool_there_is_no_pendulum_and_no_drag_to_allow_for() -> None:
+    recording = record(FLEXIBLE, pick_and_place(2.0), seed=1, decay_s=SHORT_S)
+    alone = replace(recording.track, tcp=None, pcp=replace(recording.track.pcp, position=recording.track.pcp.position))
+    with_tool = identify(recording)
+    without = identify_modes(alone, recording.window).estimate
+    assert without.damping_ratio.std < with_tool.damping_ratio.std
