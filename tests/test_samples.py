@@ -44,6 +44,8 @@ def test_radius_and_length(sample) -> None:
     pendulum = measurement.result.pendulum
     assert pendulum.tag_radius_m.value == pytest.approx(truth.tag_radius_m, rel=0.01)
     assert holds(pendulum.tag_radius_m, truth.tag_radius_m)
+    assert holds(pendulum.pivot_offset_x_m, truth.pivot_offset_m[0])
+    assert holds(pendulum.pivot_offset_m, truth.pivot_offset_m[1])
     # A release by hand does not tell the length from the spring (see `tagsway.pendulum.verdict`).
     assert pendulum.determined is (name != "released")
     if name != "released":

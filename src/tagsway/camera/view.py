@@ -320,5 +320,5 @@ def _words(view: PlaneView, *, known: bool) -> str:
     lens = f"focal length {view.focal_px.value:.0f} ± {view.focal_px.std:.0f} px"
     if view.focal_px.std > 0.6 * FOCAL_STD_LOG * view.focal_px.value:
         lens += " (assumed: so frontal a view does not tell it)"
-    radial = f"k1 {view.radial_k1.value:.3f} ± {view.radial_k1.std:.3f}"
+    radial = f"k1 {view.radial_k1.value:.4f} ± {view.radial_k1.std:.1g}"
     return f"the camera was found from the tags' own corners: {lens}, {radial}, {tilt}"

@@ -33,6 +33,7 @@ from tagsway.pendulum.model import (
     coulomb_friction,
     damping_over_inertia,
     length_m,
+    pivot_offset_m,
     stiffness_over_inertia,
     tag_radius_m,
 )
@@ -239,7 +240,7 @@ def _report(
     told = verdict.kind != "refuse"
     follows = solution.excess <= LARGEST_EXCESS
     slip = fitted.arc.disagreement()
-    radius, offset_x, offset_z = _geometry(fitted.arc, solution if follows and slip is None else None)
+    radius, offset_x, offset_z = _geometry(fitted.arc, fitted if follows and slip is None else None)
     stiffness: Estimate | None = None
     damper: Estimate | None = None
     if told and mass_kg is not None:
@@ -277,17 +278,28 @@ def _report(
     return estimate, (*notices, *describe(verdict, estimate, solution))
 
 
-def _geometry(arc: Arc, solution: Solution | None) -> tuple[Estimate, Estimate, Estimate] | tuple[None, None, None]:
+def _geometry(arc: Arc, fitted: _Fitted | None) -> tuple[Estimate, Estimate, Estimate] | tuple[None, None, None]:
     """Return r, and x and z of the pivot: of the fit, or of the arc alone where no pendulum follows the motion."""
-    if solution is not None:
-        radius = solution.estimate(tag_radius_m, low=0.0)
-        x = solution.estimate(lambda p: p[Unknown.OFFSET_X])
-        z = solution.estimate(lambda p: p[Unknown.OFFSET_Z])
+    if fitted is not None:
+        radius = fitted.solution.estimate(tag_radius_m, low=0.0)
+        x, z = (_offset_of(fitted, axis) for axis in (0, 1))
     elif arc.known:
         radius, (x, z) = arc.radius(), arc.offset()
     else:
         return None, None, None
     return (radius, x, z) if radius.std <= LARGEST_RADIUS_STD * radius.value else (None, None, None)
+
+
+def _offset_of(fitted: _Fitted, axis: int) -> Estimate:
+    """Return x or z of the pivot from the TCP tag.
+
+    The relative scale e shifts the two tags against each other by e times the way to the image's middle, which the
+    track does not hold: about as long as the tool's own way.
+    """
+    offset = fitted.solution.estimate(lambda p: pivot_offset_m(p)[axis])
+    relative = fitted.solution.estimate(lambda p: p[Unknown.RELATIVE_SCALE])
+    way = float(np.max(np.abs(fitted.record.tool_m[:, axis])))
+    return Estimate.normal(offset.value, float(np.hypot(offset.std, (abs(relative.value) + relative.std) * way)))
 
 
 def _undetermined(message: str) -> NotIdentifiableError:

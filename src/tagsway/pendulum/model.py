@@ -52,6 +52,15 @@ def tag_radius_m(parameters: FloatArray) -> FloatArray:
     return np.asarray(np.exp(parameters[Unknown.LOG_RADIUS]))
 
 
+def pivot_offset_m(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return x and z of the pivot from the TCP tag: what the camera shows of them, without its errors."""
+    p = parameters
+    scale = 1 + p[Unknown.SCALE] + p[Unknown.RELATIVE_SCALE] / 2
+    sine, cosine = np.sin(p[Unknown.TILT]), np.cos(p[Unknown.TILT])
+    x, z = p[Unknown.OFFSET_X] / scale, p[Unknown.OFFSET_Z] / scale / (1 + p[Unknown.VERTICAL_SCALE])
+    return np.asarray(cosine * x + sine * z), np.asarray(cosine * z - sine * x)
+
+
 def stiffness_over_inertia(parameters: FloatArray) -> FloatArray:
     """Return k/J = ω_n² - g/l."""
     return np.asarray(angular_frequency(parameters) ** 2 - GRAVITY_M_S2 / length_m(parameters))
