@@ -94,3 +94,17 @@ def test_a_camera_that_cannot_be_is_refused(change: dict[str, float], words: str
     good: dict[str, float] = {"width": 1280, "height": 1024, "fx": 1400, "fy": 1400, "cx": 640, "cy": 512}
     with pytest.raises(InputError, match=words):
         Camera(**{**good, **change})  # type: ignore[arg-type]
+
+
+def test_the_error_of_a_direction_goes_through_the_lens_as_the_direction_does() -> None:
+    place, turn = np.array([[0.38, -0.28]]), 1e-4
+    before, after = (
+        sightings_of(place, np.array([np.cos(angle), np.sin(angle)]), (1280, 1024)).tags[0]
+        for angle in (0.4, 0.4 + turn)
+    )
+    seen = after.angle_rad - before.angle_rad
+    sightings = sightings_of(place, np.array([np.cos(0.4), np.sin(0.4)]), (1280, 1024))
+    undistorted = undistort_sightings(sightings, LENS).tags[0]
+    # discretisation: a difference over 1e-4 rad
+    ratio = undistorted.angle_std_rad / sightings.tags[0].angle_std_rad
+    np.testing.assert_allclose(np.abs(ratio * seen), turn, rtol=1e-2)

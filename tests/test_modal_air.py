@@ -45,3 +45,20 @@ def test_without_a_tool_there_is_no_pendulum_and_no_drag_to_allow_for() -> None:
     with_tool = identify(recording)
     without = identify_modes(alone, recording.window).estimate
     assert without.damping_ratio.std < with_tool.damping_ratio.std
+
+
+def test_no_value_changes_before_the_drag_is_sure() -> None:
+    for seed in SEEDS:
+        found, truth = damping_of(0.0, seed)
+        # statistics: 4 standard errors of the swing seen, which with drag free are a hundred times larger
+        assert abs(found.damping_ratio.value - truth) < 4 * found.operating_damping_ratio.std
+
+
+def test_drag_that_no_pendulum_vouches_for_is_not_extrapolated() -> None:
+    pendulum = replace(FLEXIBLE, quadratic_drag_per_rad=0.3)
+    recording = record(pendulum, pick_and_place(2.0), seed=3, decay_s=4.0)
+    held = identify(recording)
+    alone = identify_modes(replace(recording.track, tcp=None), recording.window).estimate
+    # alone, the mean swing's ratio is given, and its interval reaches down to the viscous part
+    assert alone.damping_ratio.value == pytest.approx(alone.operating_damping_ratio.value)  # identity
+    assert alone.damping_ratio.ci95[0] < held.damping_ratio.value < 0.6 * alone.damping_ratio.value

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from pendulum_scenes import BAG, FLEXIBLE, STANDING, STIFF, Recording, pick_and_place, record
-from tagsway.errors import NotIdentifiableError
+from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import clean_track
 from tagsway.modal import find_window
 from tagsway.modal.events import describe_events, find_events
-from tagsway.model import Event, FloatArray, Track
+from tagsway.model import Event, FloatArray, Settings, Track, Window
+from tagsway.pipeline import identify
+from tagsway.store.tracks import write_track
 
 G = 9.81
 FRAME_S = 1 / 200
@@ -140,3 +142,14 @@ def test_too_few_sightings_tell_of_nothing(kept: int) -> None:
     scene = record(FLEXIBLE, STANDING, seed=8, angle_rad=0.3, decay_s=0.5)
     position = np.where((np.arange(len(scene.track.time_s)) < kept)[:, None], scene.track.pcp.position, np.nan)
     assert find_events(replace(scene.track, pcp=replace(scene.track.pcp, position=position))) == ()
+
+
+def test_a_window_that_is_stated_across_a_peel_off_is_refused(tmp_path) -> None:
+    scene = record(FLEXIBLE, pick_and_place(5.0), seed=3, decay_s=3.0)
+    file = tmp_path / "track.csv"
+    write_track(file, peel_off(scene, 3.2, floor_m=0.2), None)
+    with pytest.raises(InputError, match=r"comes off at 3\.\d+ s"):
+        identify(file, Settings(window=Window(start_s=2.0, end_s=3.6)))
+    before = identify(file, Settings(window=Window(start_s=2.0, end_s=3.1))).result
+    assert before.modal is not None
+    assert [event.kind for event in before.events] == ["peel_off"]
