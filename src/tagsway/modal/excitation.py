@@ -8,7 +8,7 @@ from scipy.signal import zoom_fft
 from tagsway.filters.moves import find_moves
 from tagsway.modal.noise import grid_places
 from tagsway.modal.rests import estimate_noise
-from tagsway.model import CleanTrack, Estimate, Excitation, ExcitationCurve, FloatArray, Track, Window
+from tagsway.model import SCALE_STD, CleanTrack, Estimate, Excitation, ExcitationCurve, FloatArray, Track, Window
 
 LEAST_SHARE = 0.1
 """Of the tool's range, below which its motion is not the move that is judged."""
@@ -137,7 +137,8 @@ def _judge(
         return None
     omega = 2 * np.pi * frequency.value
     # White noise of the path, twice differentiated: ω² σ √(T Δt / 2) of the spectrum's magnitude.
-    seen = track.tcp.position[np.isfinite(track.tcp.position[:, 0]), 0]
+    # Of the moving tag: a codec freezes the noise of one at rest.
+    seen = track.tcp.position[inside & np.isfinite(track.tcp.position[:, 0]), 0]
     noise = omega**2 * estimate_noise(seen) * float(np.sqrt(step * (time[-1] - time[0]) / 2))
     slope = (right - left) / float(near[2] - near[0])
     std = float(np.hypot(noise, slope * frequency.std))
@@ -145,6 +146,8 @@ def _judge(
         frequency_hz=frequency.value,
         share_of_peak=Estimate.normal(size / max(peak, size), std / peak, low=0.0, high=1.0),
         share_of_push=Estimate.normal(size / push, std / push, low=0.0, high=1.0),
-        sway_m=Estimate.normal(size / omega, std / omega, low=0.0) if track.length_unit == "m" else None,
+        sway_m=Estimate.normal(size / omega, float(np.hypot(std, SCALE_STD * size)) / omega, low=0.0)
+        if track.length_unit == "m"
+        else None,
         strongest_hz=float(lines_hz[int(np.argmax(spectrum))]),
     )

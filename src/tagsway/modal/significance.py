@@ -37,7 +37,7 @@ def require_oscillation(fit: DecayFit, samples: Samples, *, where: str) -> None:
     if not score > needed:
         raise NotIdentifiableError(
             f"nothing swings {where}: no damped oscillation stands out of the noise ({score:.1f} standard errors, "
-            f"{needed:.0f} are needed): film a release that leaves a visible sway"
+            f"{needed:.1f} are needed): film a release that leaves a visible sway"
         )
     if not seen >= NEEDED_CYCLES:
         raise NotIdentifiableError(
