@@ -8,6 +8,8 @@ artwork.
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from tagsway.model.arrays import BoolArray, FloatArray, IntArray
 from tagsway.model.video import VideoInfo
 
@@ -42,28 +44,33 @@ class Sighting:
     ----------
     homography : ndarray, shape (3, 3)
         Takes the tag's own frame to pixels; its last element is 1.
-    corners_px : ndarray, shape (4, 2)
-        Corners of the black square, in the order of this module.
-    centre_px : ndarray, shape (2,)
-        Image of the tag's centre.
     covariance_px2 : ndarray, shape (2, 2)
         Covariance of the centre.
-    angle_rad : float
-        Direction of the tag's x axis at its centre, counter-clockwise from the image's x axis as one looks at the
-        image.
     angle_std_rad : float
-        Its standard error.
+        Standard error of the angle.
     correlation : float
         Of the pattern with the image, -1..1.
     """
 
     homography: FloatArray
-    corners_px: FloatArray
-    centre_px: FloatArray
     covariance_px2: FloatArray
-    angle_rad: float
     angle_std_rad: float
     correlation: float
+
+    @property
+    def centre_px(self) -> FloatArray:
+        """Image of the tag's centre, shape (2,)."""
+        return self.homography[:2, 2]
+
+    @property
+    def corners_px(self) -> FloatArray:
+        """Corners of the black square, in the order of this module, shape (4, 2)."""
+        return corners_of(self.homography)
+
+    @property
+    def angle_rad(self) -> float:
+        """Direction of the tag's x axis at its centre, counter-clockwise from the image's as one looks at it."""
+        return float(angles_of(self.homography))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,3 +135,40 @@ class Sightings:
     def tag(self, tag_id: int) -> TagSightings | None:
         """Return the sightings of one tag, None where it was never seen."""
         return next((tag for tag in self.tags if tag.tag_id == tag_id), None)
+
+
+def corners_of(homography: FloatArray) -> FloatArray:
+    """Return the corners of the black square.
+
+    Parameters
+    ----------
+    homography : ndarray, shape (..., 3, 3)
+        Takes the tag's own frame to pixels.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 2)
+        In the order of this module, px.
+    """
+    square = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])
+    image = homography @ square
+    corners: FloatArray = np.swapaxes(image[..., :2, :] / image[..., 2:, :], -1, -2)
+    return corners
+
+
+def angles_of(homography: FloatArray) -> FloatArray:
+    """Return the direction of the tag's x axis at its centre, counter-clockwise as one looks at the image.
+
+    Parameters
+    ----------
+    homography : ndarray, shape (..., 3, 3)
+        Takes the tag's own frame to pixels; its last element is 1.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In rad.
+    """
+    right, down = (homography[..., k, 0] - homography[..., k, 2] * homography[..., 2, 0] for k in (0, 1))
+    angle: FloatArray = np.arctan2(-down, right)
+    return angle

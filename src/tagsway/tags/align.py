@@ -7,7 +7,9 @@ import numpy as np
 
 from tagsway.model import FloatArray, GreyArray, Sighting
 from tagsway.tags.grid import LEAST_CONTRAST, LEAST_CORRELATION, Grid, align_grid, make_grid, shows_pattern
-from tagsway.tags.refine import Refinement, local_jacobian, refine
+from tagsway.tags.pose import local_jacobian
+from tagsway.tags.quick import Known, Lattice, Lattices, refine_quickly
+from tagsway.tags.refine import Refinement, refine
 from tagsway.tags.scatter import Scatter
 from tagsway.tags.template import Template, make_template
 
@@ -28,12 +30,12 @@ _SHUTTER_LESSONS = 4
 _RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
+_GRAIN_PX = 0.0025  # what samples are wrong by is less than half of such an error
 _BLOCKS_EVERY = 8  # frames, after that
-_ODD_VARIANCE = 1.5
+_ODD_VARIANCE = 1.5  # times the usual, or so much more as a codec's own ups and downs do not explain
+_ODD_SPREADS = 4.0
 _COMPRESSED_LOG_RATIO = 0.1  # raw images stay below; then the scatter in time counts as well ...
-_MOST_SCATTER = np.array(
-    [0.1**2, 0.1**2, np.inf]
-)  # ... up to what a codec that moves blocks by quarters of a pixel may add
+_MOST_SCATTER = (0.1**2, 0.1**2, math.inf)  # ... up to what a codec that moves blocks by quarters of a pixel may add
 
 
 class Aligner:
@@ -50,7 +52,8 @@ class Aligner:
     -----
     Gauss-Newton steps on the image's own pixels (`refine`) take a good prediction to the noise: one is enough from a
     quarter of a pixel, and no pixel is resampled there, so no grid beats with another, and the noise stays white.
-    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_.
+    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_. Once the noise is known, most
+    frames of a tag of middling size are refined on samples (`quick`), and every eighth on its pixels.
 
     Not for tags under about 12 px, nor where what is printed is not the family's own pattern.
 
@@ -64,14 +67,17 @@ class Aligner:
         self._tag_id = tag_id
         self._template: Template | None = None
         self._grids: dict[float, Grid] = {}
+        self._lattices: Lattices | None = None
+        self._known: Known | None = None
         self._blurred_by_px = math.inf
         self._shutter = 0.0
         self._lessons = 0
-        self._log_ratio = np.zeros(3)
+        self._log_ratio = [0.0, 0.0, 0.0]
         self._scatter = Scatter()
         self._shifts_px2 = 0.0
-        self._variance = 0.0
+        self._variance = self._spread = 0.0
         self._measured = 0
+        self._variance_px2 = 0.0
 
     def align(
         self, grey: GreyArray, homography: FloatArray, *, travel_px: tuple[float, float] | None = None
@@ -115,13 +121,38 @@ class Aligner:
         """Return the pose that refining ends at; None where that is not the pattern, or too far off."""
         here = homography
         for _ in range(_MOST_STEPS):
-            refined = refine(grey, here, template, motion_px=motion_px, with_blocks=self._wants_blocks())
+            refined = self._refine(grey, here, template, motion_px)
             if refined is None or not refined.gain > LEAST_CONTRAST:
                 return None
             here = refined.homography
             if self._is_last(refined):
                 return refined if self._is_pattern(grey, refined) else None
         return None
+
+    def _refine(
+        self, grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]
+    ) -> Refinement | None:
+        """Return the pose after one step: on the pixels now and then, else on samples, which is quicker."""
+        asks_pixels = self._wants_blocks()
+        error_px2 = max(self._variance_px2, self._shifts_px2)
+        samples_do = self._measured >= _MEMORY and error_px2 > _GRAIN_PX**2
+        lattice = self._find_lattice(homography, template, motion_px) if samples_do else None
+        if lattice is not None and self._known is not None and not asks_pixels:
+            refined = refine_quickly(grey, homography, template, lattice, self._known)
+            if refined is not None:
+                return refined
+        refined = refine(grey, homography, template, motion_px=motion_px, with_blocks=asks_pixels)
+        if refined is not None and lattice is not None:
+            self._known = Known.learn(grey, refined, template, lattice)
+        return refined
+
+    def _find_lattice(
+        self, homography: FloatArray, template: Template, motion_px: tuple[float, float]
+    ) -> Lattice | None:
+        if self._lattices is None or self._lattices.template is not template:
+            self._lattices = Lattices(self._family, self._tag_id, template)
+            self._known = None
+        return self._lattices.find(homography, motion_px)
 
     def _is_last(self, refined: Refinement) -> bool:
         """Tell whether a step was so short that another one would change less than the error."""
@@ -207,48 +238,45 @@ class Aligner:
 
     def _report(self, refined: Refinement, predicted: FloatArray | None) -> Sighting:
         h = refined.homography
-        angle = _measure_angle(h)
         variances, cross = self._steady(refined)
-        x, y = float(h[0, 2]), float(h[1, 2])
         if predicted is None:
             self._scatter.interrupt()
         else:
-            turn = math.remainder(angle - _measure_angle(predicted), 2 * math.pi)
             depth = float(predicted[2, 2])
-            right, down = x - float(predicted[0, 2]) / depth, y - float(predicted[1, 2]) / depth
-            self._scatter.add(np.array([right, down, turn]), variances)
+            right, down = float(h[0, 2] - predicted[0, 2] / depth), float(h[1, 2] - predicted[1, 2] / depth)
+            turn = math.remainder(_measure_angle(h) - _measure_angle(predicted), 2 * math.pi)
+            self._scatter.add((right, down, turn), variances)
         (xx, yy, turned), factor = self._inflate(variances)
         return Sighting(
             homography=h,
-            corners_px=project(h, CORNERS),
-            centre_px=np.array([x, y]),
             covariance_px2=np.array([[xx, cross * factor], [cross * factor, yy]]),
-            angle_rad=angle,
             angle_std_rad=math.sqrt(turned),
             correlation=refined.correlation,
         )
 
-    def _inflate(self, variances: FloatArray) -> tuple[list[float], float]:
+    def _inflate(self, variances: list[float]) -> tuple[list[float], float]:
         """Return the variances, no smaller than the scatter in time where the image looks compressed; and x y's factor.
 
         A codec shifts blocks, all those of a tag together, by parts of a pixel: no residual of one image shows that.
         """
         self._shifts_px2 = 0.0
-        if not float(self._log_ratio[0] + self._log_ratio[1]) > 2 * _COMPRESSED_LOG_RATIO:
-            return variances.tolist(), 1.0
-        scatter = np.minimum(self._scatter.variance, _MOST_SCATTER)
-        self._shifts_px2 = float(scatter[0])
-        factor = np.maximum(scatter / variances, 1.0)
-        return (variances * factor).tolist(), math.sqrt(factor[0] * factor[1])
+        if not self._log_ratio[0] + self._log_ratio[1] > 2 * _COMPRESSED_LOG_RATIO:
+            return variances, 1.0
+        scatter = [min(part, most) for part, most in zip(self._scatter.variance, _MOST_SCATTER, strict=True)]
+        self._shifts_px2 = scatter[0]
+        factors = [max(part / stated, 1.0) for part, stated in zip(scatter, variances, strict=True)]
+        inflated = [part * factor for part, factor in zip(variances, factors, strict=True)]
+        return inflated, math.sqrt(factors[0] * factors[1])
 
     def _wants_blocks(self) -> bool:
         return self._measured < _MEMORY or self._measured % _BLOCKS_EVERY == 0
 
     def _is_odd(self, refined: Refinement) -> bool:
         """Tell whether the image differs from the pattern by more than it usually does: its noise is then no one's."""
-        return refined.sandwich is None and refined.variance > _ODD_VARIANCE * self._variance
+        usual = max(_ODD_VARIANCE * self._variance, self._variance + _ODD_SPREADS * self._spread)
+        return refined.sandwich is None and refined.variance > usual
 
-    def _steady(self, refined: Refinement) -> tuple[FloatArray, float]:
+    def _steady(self, refined: Refinement) -> tuple[list[float], float]:
         """Return variances, and the covariance of x and y: the plain ones, scaled by the running ratio of the former.
 
         That is the ratio to those that see correlated noise. One frame's is known to a fifth only; where it jumps
@@ -256,13 +284,20 @@ class Aligner:
         """
         self._measured += 1
         weight = 1 / min(self._measured, _MEMORY)
-        self._variance += (refined.variance - self._variance) * weight
-        plain, log_factor = np.array(refined.plain[:3]), self._log_ratio
+        more = refined.variance - self._variance
+        self._variance += more * weight
+        self._spread += (abs(more) - self._spread) * weight
+        self._variance_px2 += (refined.plain[0] - self._variance_px2) * weight
+        log_factor = self._log_ratio
         if refined.sandwich is not None:
-            ratio = np.log(np.maximum(refined.sandwich, 1e-30) / plain)
-            self._log_ratio = self._log_ratio + (ratio - self._log_ratio) * weight
-            log_factor = np.maximum(self._log_ratio, ratio - 1.0)
-        return plain * np.exp(log_factor), refined.plain[3] * math.exp((log_factor[0] + log_factor[1]) / 2)
+            pairs = zip(refined.sandwich.tolist(), refined.plain[:3], strict=True)
+            ratio = [math.log(max(seen, 1e-30) / plain) for seen, plain in pairs]
+            log_factor = [old + (new - old) * weight for old, new in zip(log_factor, ratio, strict=True)]
+            self._log_ratio = log_factor
+            log_factor = [max(old, new - 1.0) for old, new in zip(log_factor, ratio, strict=True)]
+        factors = [math.exp(part) for part in log_factor]
+        variances = [plain * factor for plain, factor in zip(refined.plain[:3], factors, strict=True)]
+        return variances, refined.plain[3] * math.sqrt(factors[0] * factors[1])
 
 
 def _measure_angle(homography: FloatArray) -> float:

@@ -3,13 +3,14 @@
 import numpy as np
 
 from tagsway.model import FloatArray, Sighting, TagSightings
+from tagsway.model.tags import angles_of, corners_of
 
 _CHUNK = 4096
-_WIDTH = 17
+_WIDTH = 14
 
 
 class SightingRecord:
-    """The sightings of one tag, frame after frame: 136 bytes each.
+    """The sightings of one tag, frame after frame: 112 bytes each.
 
     Parameters
     ----------
@@ -42,33 +43,38 @@ class SightingRecord:
             return
         self.seen += 1
         row = self._chunks[-1][place]
-        row[0], row[15], row[16] = sighting.correlation, sighting.angle_rad, sighting.angle_std_rad
-        row[1:3] = sighting.centre_px
-        row[3:7] = sighting.covariance_px2.reshape(4)
-        row[7:15] = sighting.corners_px.reshape(8)
+        row[0], row[13] = sighting.correlation, sighting.angle_std_rad
+        row[1:9] = sighting.homography.reshape(9)[:8]
+        row[9:13] = sighting.covariance_px2.reshape(4)
 
     def measure_motion(self) -> tuple[float, float]:
         """Return how far the tag moved (rms about its mean place) and its mean side, in px."""
         rows = self._join()
-        rows = rows[np.isfinite(rows[:, 0])]
-        corners = rows[:, 7:15].reshape(-1, 4, 2)
+        homography = _homographies(rows[np.isfinite(rows[:, 0])])
+        corners = corners_of(homography)
         sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        return float(np.sqrt(rows[:, 1:3].var(axis=0).sum())), float(sides.mean())
+        return float(np.sqrt(homography[:, :2, 2].var(axis=0).sum())), float(sides.mean())
 
     def join(self) -> TagSightings:
         """Return all frames."""
         rows = self._join()
+        homography = _homographies(rows)
         return TagSightings(
             tag_id=self._tag_id,
             correlation=rows[:, 0].copy(),
-            centre_px=rows[:, 1:3].copy(),
-            covariance_px2=rows[:, 3:7].reshape(-1, 2, 2),
-            corners_px=rows[:, 7:15].reshape(-1, 4, 2),
-            angle_rad=rows[:, 15].copy(),
-            angle_std_rad=rows[:, 16].copy(),
+            centre_px=homography[:, :2, 2].copy(),
+            covariance_px2=rows[:, 9:13].reshape(-1, 2, 2),
+            corners_px=corners_of(homography),
+            angle_rad=angles_of(homography),
+            angle_std_rad=rows[:, 13].copy(),
         )
 
     def _join(self) -> FloatArray:
         if not self._chunks:
             return np.empty((0, _WIDTH))
         return np.concatenate(self._chunks)[: self._count]
+
+
+def _homographies(rows: FloatArray) -> FloatArray:
+    """Return the poses in rows of the record, shape (n, 3, 3)."""
+    return np.column_stack([rows[:, 1:9], np.ones(len(rows))]).reshape(-1, 3, 3)

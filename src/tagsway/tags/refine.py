@@ -1,25 +1,24 @@
 """The last step of an alignment, on the image's own pixels, and what it is worth."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import cv2
 import numpy as np
 
 from tagsway.model import FloatArray, GreyArray
+from tagsway.tags.pose import Jacobian, Region, find_region, invert, local_jacobian, move_back, turn_of_step
+from tagsway.tags.streak import find_streak
 from tagsway.tags.template import PARAMETERS, Float32Array, Template
 
 _GAIN, _OFFSET, _STEP = 2, 3, [0, 1, 4, 5, 6, 7, 8, 9]  # places in the solution
 
-_ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
+ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
 _BLOCKS = 10  # to a side
-_SHORTEST_MOTION_PX = 0.5  # a shorter one blurs by less than a seventh of a pixel
-_MOTION_STEPS = 8  # to a pixel: a sixteenth more or less of motion changes no pixel by a grey level
-_MOST_MOTION_PX = 16.0
-_LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
-_MIDDLE_GREY = 128  # taken off, so that sums of squares keep their digits
+SHORTEST_MOTION_PX = 0.5  # a shorter one blurs by less than a seventh of a pixel
+KNOWN_WEIGHT = 0.999  # a pixel that a streak brings less of the pattern to is not known
+LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
+MIDDLE_GREY = 128  # taken off, so that sums of squares keep their digits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +90,8 @@ def refine(
     The columns of J are the pattern's derivatives times powers of x and y, so all of JᵀJ and JᵀI are moments of nine
     products of images, over x, then over y: no column is ever formed.
     """
-    still = math.hypot(*motion_px) < _SHORTEST_MOTION_PX
-    region = _region(grey.shape, homography, template.half_width if still else template.texture_half_width)
+    still = math.hypot(*motion_px) < SHORTEST_MOTION_PX
+    region = find_region(grey.shape, homography, template.half_width if still else template.texture_half_width)
     if region is None:
         return None
     left, top, width, height = region
@@ -100,7 +99,7 @@ def refine(
     h = homography / homography[2, 2]
     local = local_jacobian(h)
     planes = _see(h, template, region, local, None if still else motion_px)
-    np.subtract(grey[top : top + height, left : left + width], np.float32(_MIDDLE_GREY), out=planes[4])
+    np.subtract(grey[top : top + height, left : left + width], np.float32(MIDDLE_GREY), out=planes[4])
     planes[4] *= planes[3]
     powers = _raise(region, h, scale)
     products = _multiply(planes, *powers)
@@ -108,7 +107,7 @@ def refine(
     count = float(normal[_OFFSET, _OFFSET])
     if not count > PARAMETERS:
         return None
-    inverse, turn = _invert(normal), _turn(local)
+    inverse, turn = invert(normal), turn_of_step(local)
     solution = inverse @ sums
     values = solution.tolist()
     fitted, gain = float(solution @ sums), values[_GAIN]
@@ -119,14 +118,14 @@ def refine(
     longest = max(map(abs, step))
     (xx, xy), (_, yy) = inverse[:2, :2].tolist()
     turning = float(turn @ inverse[4:8, 4:8] @ turn)
-    if not (min(spread, xx, yy, turning) > 0 and longest < _LONGEST_STEP):
+    if not (min(spread, xx, yy, turning) > 0 and longest < LONGEST_STEP):
         return None
-    variance = max((squares - fitted) / (count - PARAMETERS), _ROUNDING)
+    variance = max((squares - fitted) / (count - PARAMETERS), ROUNDING)
     unit = variance / gain**2
     per_px = unit * scale**2
     influence = _functionals(turn, scale) @ inverse / gain if with_blocks else None
     return Refinement(
-        homography=_move_back(h, step, scale),
+        homography=move_back(h, step, scale),
         plain=(per_px * xx, per_px * yy, unit * turning, per_px * xy),
         sandwich=None if influence is None else _sum_blocks(planes, powers, solution, influence),
         variance=variance,
@@ -136,30 +135,11 @@ def refine(
     )
 
 
-def local_jacobian(homography: FloatArray) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return ∂(pixel)/∂(tag's frame) at the tag's centre, row by row."""
-    (a, b, x), (c, d, y), (g, h, w) = homography.tolist()
-    x, y = x / w, y / w
-    return ((a - x * g) / w, (b - x * h) / w), ((c - y * g) / w, (d - y * h) / w)
-
-
-def _region(shape: tuple[int, ...], homography: FloatArray, half_width: float) -> tuple[int, int, int, int] | None:
-    """Return left, top, width and height of the pixels that the pattern covers."""
-    square = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [1 / half_width] * 4])
-    across, down, depth = (homography @ square).tolist()
-    across = [place / w for place, w in zip(across, depth, strict=True)]
-    down = [place / w for place, w in zip(down, depth, strict=True)]
-    left, top = max(math.floor(min(across)), 0), max(math.floor(min(down)), 0)
-    width = min(math.ceil(max(across)), shape[1] - 1) - left + 1
-    height = min(math.ceil(max(down)), shape[0] - 1) - top + 1
-    return (left, top, width, height) if min(width, height) >= _BLOCKS else None
-
-
 def _see(
     homography: FloatArray,
     template: Template,
-    region: tuple[int, int, int, int],
-    local: tuple[tuple[float, float], tuple[float, float]],
+    region: Region,
+    local: Jacobian,
     motion_px: tuple[float, float] | None,
 ) -> Float32Array:
     """Return the pattern as the image's pixels see it, shape (5, height, width).
@@ -168,11 +148,11 @@ def _see(
     """
     left, top, width, height = region
     place = np.array([[1, 0, left], [0, 1, top], [0, 0, 1.0]])
-    view = template.texture_grid @ _invert(homography) @ place
+    view = template.texture_grid @ invert(homography) @ place
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     seen = np.asarray(cv2.warpPerspective(template.texture, view, (width, height), flags=flags))
     if motion_px is not None:
-        seen = np.asarray(cv2.filter2D(seen, -1, _find_streak(motion_px), borderType=cv2.BORDER_CONSTANT))
+        seen = np.asarray(cv2.filter2D(seen, -1, find_streak(motion_px), borderType=cv2.BORDER_CONSTANT))
     (a, b), (c, d) = local
     share = template.scale_px / (a * d - b * c)
     first = np.eye(4, dtype=np.float32)
@@ -180,34 +160,8 @@ def _see(
     planes = np.empty((5, height, width), np.float32)
     np.matmul(first, seen.reshape(-1, 4).T, out=planes[:4].reshape(4, -1))
     if motion_px is not None:
-        planes[:4] *= planes[3] > 0.999  # what the edge of the known part swept over is not known
+        planes[:4] *= planes[3] > KNOWN_WEIGHT  # what the edge of the known part swept over is not known
     return planes
-
-
-def _find_streak(motion_px: tuple[float, float]) -> Float32Array:
-    """Return the kernel of a motion, to and fro alike, from those that are known already."""
-    right, down = (round(_MOTION_STEPS * part) for part in motion_px)
-    return _streak(-right, -down) if right < 0 else _streak(right, down)
-
-
-@lru_cache(maxsize=1024)
-def _streak(right: int, down: int) -> Float32Array:
-    """Return the kernel of a motion: a line in cubic interpolation (Keys), which keeps parabolas."""
-    length = math.hypot(right, down) / _MOTION_STEPS
-    motion = [part / _MOTION_STEPS * min(1.0, _MOST_MOTION_PX / length) for part in (right, down)]
-    steps = math.ceil(2 * length) + 2
-    shares = (np.arange(steps) + 0.5) / steps - 0.5
-    columns, rows = (_interpolate(part * shares, math.ceil(abs(part) / 2) + 1) for part in motion)
-    return np.asarray(rows.T @ columns / steps, dtype=np.float32)
-
-
-def _interpolate(places: FloatArray, reach: int) -> FloatArray:
-    """Return the weights of the pixels -reach .. reach in a value between them, shape (places, 2 reach + 1)."""
-    off = np.abs(np.arange(-reach, reach + 1) - places[:, None])
-    near = (1.5 * off - 2.5) * off * off + 1
-    far = ((-0.5 * off + 2.5) * off - 4) * off + 2
-    weights: FloatArray = np.where(off < 1, near, np.where(off < 2, far, 0.0))
-    return weights
 
 
 # The gradients' columns are sums of these: (plane, power of x, power of y); then pattern, weight and image.
@@ -231,9 +185,7 @@ _COLUMNS[[0, 1, 2, 3, 4, 5, 6, 7, 10], [0, 5, 10, 11, 1, 2, 6, 7, 12]] = 1.0
 _COLUMNS[8, [3, 8]] = _COLUMNS[9, [4, 9]] = -1.0
 
 
-def _raise(
-    region: tuple[int, int, int, int], homography: FloatArray, scale: float
-) -> tuple[Float32Array, Float32Array]:
+def _raise(region: Region, homography: FloatArray, scale: float) -> tuple[Float32Array, Float32Array]:
     """Return the powers 0 .. 4 of the columns' and the rows' places about the tag's centre, in units of the scale."""
     left, top, width, height = region
     powers = np.empty((_POWERS, width + height), np.float32)
@@ -271,36 +223,12 @@ def _multiply(planes: Float32Array, by_x: Float32Array, by_y: Float32Array) -> F
     return products
 
 
-def _turn(local: tuple[tuple[float, float], tuple[float, float]]) -> FloatArray:
-    """Return the angle as a linear function of the solution's (xx, xy, yx, yy)."""
-    (dx, _), (dy, _) = local
-    return np.array([-dx * dy, -dy * dy, dx * dx, dx * dy]) / (dx * dx + dy * dy)
-
-
 def _functionals(turn: FloatArray, scale: float) -> FloatArray:
     """Return centre x, centre y and angle as linear functions of the solution, shape (3, 10); signs left out."""
     rows = np.zeros((3, PARAMETERS))
     rows[0, 0] = rows[1, 1] = scale
     rows[2, 4:8] = turn
     return rows
-
-
-def _move_back(homography: FloatArray, step: Sequence[float], scale: float) -> FloatArray:
-    """Return V⁻¹ H to third order in the step, V given about the tag's centre in units of the scale."""
-    x, y = float(homography[0, 2]), float(homography[1, 2])
-    dx, dy, xx, xy, yx, yy, px, py = step
-    p, q = px / scale, py / scale
-    t = -p * x - q * y
-    right, down = scale * dx - xx * x - xy * y + x * t, scale * dy - yx * x - yy * y + y * t
-    move = np.array([[xx + x * p, xy + x * q, right], [yx + y * p, yy + y * q, down], [p, q, t]])
-    back = move @ homography
-    moved = homography - back + move @ back
-    return np.asarray(moved / moved[2, 2], dtype=np.float64)
-
-
-def _invert(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of a small matrix, five times as fast as numpy's."""
-    return np.asarray(cv2.invert(matrix)[1], dtype=np.float64)
 
 
 def _sum_blocks(
