@@ -8,6 +8,7 @@ from tagsway.filters import find_track_spikes, fit_tag_splines
 from tagsway.filters.moves import find_moves
 from tagsway.model import (
     GRAVITY_M_S2,
+    AlignedMove,
     BoolArray,
     CleanTrack,
     Estimate,
@@ -44,17 +45,9 @@ def measure_indicators(
     Indicators or None
         None where the tool was not seen or did not move (a release by hand), or lengths are not known.
     """
-    if clean.tcp is None or track.length_unit != "m":
+    if track.length_unit != "m" or clean.tcp is None or (found := _cut_move(clean, window)) is None:
         return None
-    moving = find_last_move(clean, window)
-    if moving is None:
-        return None
-    used = (clean.time_s >= moving.start_s) & (clean.time_s <= window.end_s)
-    path = clean.tcp.position[used & np.isfinite(clean.tcp.position).all(axis=1)]
-    if not np.linalg.norm(path[-1] - path[0]) > LEAST_TRAVEL_M:
-        return None
-    if not np.isfinite(clean.pcp.position[used]).all(axis=1).any():
-        return None
+    moving, used = found
     horizontal_std, vector_std = _peak_errors(track, clean, used)
     return indicators_of(
         clean.time_s[used],
@@ -67,6 +60,60 @@ def measure_indicators(
         vector_std=vector_std,
         bandwidth_hz=clean.pcp.bandwidth_hz,
     )
+
+
+def align_move(track: Track, clean: CleanTrack, window: Window) -> AlignedMove | None:
+    """Return the move before a free vibration from its start on, as it is laid over others.
+
+    Parameters
+    ----------
+    track, clean, window
+        As in `measure_indicators`.
+
+    Returns
+    -------
+    AlignedMove or None
+        None where there are no indicators, either. Its time 0 and its resting place are those of the indicators.
+    """
+    if track.length_unit != "m" or clean.tcp is None or (found := _cut_move(clean, window)) is None:
+        return None
+    moving, used = found
+    time, tool, product = clean.time_s[used], clean.tcp.position[used], clean.pcp.position[used]
+    final = _resting_place(time, product, moving.end_s)
+    seen = tool[np.isfinite(tool).all(axis=1)]
+    way = (seen[-1] - seen[0]) / np.linalg.norm(seen[-1] - seen[0])
+    beyond = (product - final) @ way
+    return AlignedMove(
+        time_s=time - moving.start_s,
+        sway_m=beyond - (tool - seen[-1]) @ way,
+        beyond_m=beyond,
+        acceleration_m_s2=clean.pcp.acceleration[used, 0],
+        end_s=moving.end_s - moving.start_s,
+    )
+
+
+def find_watched(clean: CleanTrack, *, end_s: float | None = None) -> Window | None:
+    """Return what is seen after the tool's last move, whether anything swings there or not.
+
+    Parameters
+    ----------
+    clean : CleanTrack
+        Of the tags.
+    end_s : float, optional
+        When the grip was lost; by default the record's end.
+
+    Returns
+    -------
+    Window or None
+        None where the tool was not seen or did not move, or nothing is left after the move.
+    """
+    if clean.tcp is None:
+        return None
+    last = float(clean.time_s[-1]) if end_s is None else min(end_s, float(clean.time_s[-1]))
+    moves = find_moves(clean.time_s, clean.tcp.position, clean.tcp.velocity, least=LEAST_TRAVEL_M)
+    if not moves or not moves[-1].end_s < last:
+        return None
+    return Window(start_s=moves[-1].end_s, end_s=last)
 
 
 def indicators_of(
@@ -140,6 +187,7 @@ def indicators_of(
         if np.isfinite(residual).all()
         else None,
         box_error_m=_known(found.box_error_m),
+        place_error_m=_known(found.place_error_m),
     )
 
 
@@ -151,6 +199,20 @@ def find_last_move(clean: CleanTrack, window: Window) -> Window | None:
         if move.start_s < window.start_s:
             return Window(start_s=move.start_s, end_s=min(move.end_s, window.start_s))
     return None
+
+
+def _cut_move(clean: CleanTrack, window: Window) -> tuple[Window, BoolArray] | None:
+    """Return the move before a free vibration, and which samples belong to both; None where there is none to judge."""
+    moving = find_last_move(clean, window)
+    if clean.tcp is None or moving is None:
+        return None
+    used = (clean.time_s >= moving.start_s) & (clean.time_s <= window.end_s)
+    path = clean.tcp.position[used & np.isfinite(clean.tcp.position).all(axis=1)]
+    if not np.linalg.norm(path[-1] - path[0]) > LEAST_TRAVEL_M:
+        return None
+    if not np.isfinite(clean.pcp.position[used]).all(axis=1).any():
+        return None
+    return moving, used
 
 
 def _resting_place(time_s: FloatArray, pcp_m: FloatArray, end_s: float) -> FloatArray:

@@ -28,7 +28,7 @@ from tagsway.model.estimate import NORMAL_95, Estimate, Notice
 from tagsway.model.events import EVENT_WORDS, Event, EventKind
 from tagsway.model.excitation import Excitation
 from tagsway.model.impulse import Blow, BlowResult, ImpulseResult, ImpulseSpectra, PayloadDistance
-from tagsway.model.indicators import Indicators, PeakAcceleration, ResidualAcceleration
+from tagsway.model.indicators import AlignedMove, Indicators, PeakAcceleration, ResidualAcceleration
 from tagsway.model.log import AlignedLog, ControllerLog, LogAgreement
 from tagsway.model.modal import (
     BackbonePoint,
@@ -76,6 +76,7 @@ __all__ = [
     "NORMAL_95",
     "SCALE_STD",
     "AlignedLog",
+    "AlignedMove",
     "AmplitudeCurve",
     "ArcThrough",
     "BackboneCurve",

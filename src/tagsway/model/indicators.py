@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from tagsway.model.arrays import FloatArray
 from tagsway.model.estimate import FORBID_UNKNOWN, Estimate
 
 
@@ -60,6 +61,8 @@ class Indicators:
     box_error_m : float or None
         Largest |x - x_end| of the product below the rim of a box, 50 mm above where it comes to rest, on its way down
         and after; None where it never was above it.
+    place_error_m : float or None
+        Largest |x - x_end| of the product once the tool stands: what a design's placement window promises.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
@@ -72,3 +75,29 @@ class Indicators:
     max_pcp_acceleration_m_s2: PeakAcceleration
     residual_acceleration_m_s2: ResidualAcceleration | None
     box_error_m: float | None = None
+    place_error_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlignedMove:
+    """A move from its start on, as it is laid over others; shapes (n,), NaN where the product was not seen.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        From the start of the tool's motion.
+    sway_m : ndarray
+        Product minus tool along the travel, from where both rest.
+    beyond_m : ndarray
+        Product beyond its resting place, along the travel.
+    acceleration_m_s2 : ndarray
+        x'' of the product.
+    end_s : float
+        When the tool stands again.
+    """
+
+    time_s: FloatArray
+    sway_m: FloatArray
+    beyond_m: FloatArray
+    acceleration_m_s2: FloatArray
+    end_s: float

@@ -9,7 +9,7 @@ from tagsway import __version__
 from tagsway.diagnose import diagnose
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import clean_track
-from tagsway.indicators import measure_indicators
+from tagsway.indicators import find_watched, measure_indicators
 from tagsway.modal import ModalFit, identify_modes
 from tagsway.modal.events import describe_events, find_events
 from tagsway.modal.excitation import measure_excitation
@@ -335,8 +335,12 @@ def _undetermined(
     events: tuple[Event, ...],
     reason: NotIdentifiableError,
 ) -> Measurement:
+    lost_s = min((event.time_s.value for event in events if event.ends_grip), default=None)
+    watched = find_watched(clean, end_s=lost_s)
     result = replace(
         _empty_result(file, settings, recording),
+        # A product that a shaped move leaves at rest does not swing: how the move ended is known all the same.
+        indicators=None if watched is None else measure_indicators(recording.track, clean, watched),
         events=events,
         warnings=(*recording.notices, *describe_events(events), Notice(code=reason.code, message=str(reason))),
     )
