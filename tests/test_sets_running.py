@@ -56,7 +56,7 @@ def test_a_file_that_crashes_its_worker_is_tried_again_and_pays_alone(root, tmp_
     found = find_set(root)
     with open_ledger(out) as ledger:
         with local_crew(2) as crew:
-            Runner(crew, ledger, lambda _: None, work=crash_on_r2).run(missing_jobs(found, ledger))
+            Runner(crew, ledger, lambda _: None, work=crash_on_r2).run(missing_jobs(found.items, ledger))
         table = write_batch(found, ledger).tables.measurements.set_index("file")
     assert table.loc["a/r2.csv", "error"] == WORKER_DIED
     assert (table["status"] == "failed").sum() == 1

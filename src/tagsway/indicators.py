@@ -1,5 +1,7 @@
 """How a measured move ended: settling, overshoot, times and accelerations, by the definitions of `criteria`."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tagsway.criteria import judge_move, load_of
@@ -12,6 +14,7 @@ from tagsway.model import (
     BoolArray,
     CleanTrack,
     Estimate,
+    Event,
     FloatArray,
     Indicators,
     PeakAcceleration,
@@ -92,15 +95,15 @@ def align_move(track: Track, clean: CleanTrack, window: Window) -> AlignedMove |
     )
 
 
-def find_watched(clean: CleanTrack, *, end_s: float | None = None) -> Window | None:
+def find_watched(clean: CleanTrack, *, events: Sequence[Event] = ()) -> Window | None:
     """Return what is seen after the tool's last move, whether anything swings there or not.
 
     Parameters
     ----------
     clean : CleanTrack
         Of the tags.
-    end_s : float, optional
-        When the grip was lost; by default the record's end.
+    events : sequence of Event
+        What happened to the grip: what follows its end does not count.
 
     Returns
     -------
@@ -109,7 +112,7 @@ def find_watched(clean: CleanTrack, *, end_s: float | None = None) -> Window | N
     """
     if clean.tcp is None:
         return None
-    last = float(clean.time_s[-1]) if end_s is None else min(end_s, float(clean.time_s[-1]))
+    last = min([float(clean.time_s[-1]), *(event.time_s.value for event in events if event.ends_grip)])
     moves = find_moves(clean.time_s, clean.tcp.position, clean.tcp.velocity, least=LEAST_TRAVEL_M)
     if not moves or not moves[-1].end_s < last:
         return None

@@ -11,6 +11,7 @@ its name. No type computes anything that a stage should, and none opens a file.
 
 from tagsway.model.arrays import BoolArray, FloatArray, GreyArray, IntArray
 from tagsway.model.camera import Camera, PlaneView, SeenTag
+from tagsway.model.comparison import Comparison, ConditionSummary, Difference, PickRate, Promise
 from tagsway.model.curves import (
     AmplitudeCurve,
     BackboneCurve,
@@ -52,7 +53,7 @@ from tagsway.model.pendulum import (
     TwoMasses,
 )
 from tagsway.model.plan import CameraHints, Need, Plan, PlannedError, PlannedMeasurement
-from tagsway.model.repeats import RandomEffects, Rejection, RepeatSummary
+from tagsway.model.repeats import RandomEffects, Rejection, RepeatDifference, RepeatSummary
 from tagsway.model.result import (
     CoordinateFrame,
     Creator,
@@ -89,6 +90,8 @@ __all__ = [
     "CameraHints",
     "CleanTagTrack",
     "CleanTrack",
+    "Comparison",
+    "ConditionSummary",
     "ControllerLog",
     "CoordinateFrame",
     "Creator",
@@ -96,6 +99,7 @@ __all__ = [
     "DecayCurve",
     "DesignMode",
     "Detection",
+    "Difference",
     "DigitalFilter",
     "Estimate",
     "Estimates",
@@ -131,6 +135,7 @@ __all__ = [
     "Pendulum",
     "PendulumCurve",
     "PendulumEstimate",
+    "PickRate",
     "Plan",
     "PlaneView",
     "PlannedError",
@@ -138,9 +143,11 @@ __all__ = [
     "PointMassFit",
     "Prior",
     "Progress",
+    "Promise",
     "Quantity",
     "RandomEffects",
     "Rejection",
+    "RepeatDifference",
     "RepeatSummary",
     "Residual",
     "ResidualAcceleration",

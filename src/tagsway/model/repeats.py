@@ -81,3 +81,44 @@ class RandomEffects:
     heterogeneity: float
     p_value: float
     method: Literal["reml", "dersimonian-laird"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatDifference:
+    """Some repeats minus some others, of the same quantity; None for what so few do not tell.
+
+    Parameters
+    ----------
+    n_reference, n : int
+        Repeats of either.
+    difference, std : float or None
+        Of the means, and its standard error.
+    ci95 : tuple of float or None
+        Welch's interval of that difference.
+    median_difference : float or None
+        Of the medians.
+    ratio_percent : float or None
+        Of the means: the reference is 100.
+    ratio_ci95 : tuple of float or None
+        Fieller's interval; None where the reference is not surely different from 0.
+    test : {"welch", "mann-whitney"} or None
+        Which one `p_value` is of.
+    p_value : float or None
+        Chance of a difference as large where there is none; two-sided.
+    rank_p_value : float or None
+        The same by ranks alone: it needs no normal repeats, and cannot be small for few.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    n_reference: int
+    n: int
+    difference: float | None
+    std: float | None
+    ci95: tuple[float, float] | None
+    median_difference: float | None
+    ratio_percent: float | None
+    ratio_ci95: tuple[float, float] | None
+    test: Literal["welch", "mann-whitney"] | None
+    p_value: float | None
+    rank_p_value: float | None

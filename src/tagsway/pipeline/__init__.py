@@ -5,8 +5,16 @@ measurement  the track  →  window, mode, pendulum, indicators, shaper, traject
 output       everything of a measurement  →  the files of its folder
 """
 
-from tagsway.pipeline.measurement import Measurement, identify
+from tagsway.pipeline.measurement import Measurement, align_result, aligned_move, identify
 from tagsway.pipeline.output import check_outputs, write_measurement
 from tagsway.pipeline.recording import TABLES
 
-__all__ = ["TABLES", "Measurement", "check_outputs", "identify", "write_measurement"]
+__all__ = [
+    "TABLES",
+    "Measurement",
+    "align_result",
+    "aligned_move",
+    "check_outputs",
+    "identify",
+    "write_measurement",
+]

@@ -9,12 +9,13 @@ from tagsway import __version__
 from tagsway.diagnose import diagnose
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import clean_track
-from tagsway.indicators import find_watched, measure_indicators
+from tagsway.indicators import align_move, find_watched, measure_indicators
 from tagsway.modal import ModalFit, identify_modes
 from tagsway.modal.events import describe_events, find_events
 from tagsway.modal.excitation import measure_excitation
 from tagsway.modal.window import FreeVibration, find_free_vibration
 from tagsway.model import (
+    AlignedMove,
     CleanTrack,
     Creator,
     Curves,
@@ -194,6 +195,17 @@ def identify(
     )
 
 
+def aligned_move(measurement: Measurement) -> AlignedMove | None:
+    """Return the move that a measurement's indicators are of, from its start on; None where it has none."""
+    return align_result(measurement.result, measurement.track, measurement.clean)
+
+
+def align_result(result: Result, track: Track, clean: CleanTrack) -> AlignedMove | None:
+    """Return the move that a result's indicators are of, cut from its track."""
+    window = result.window or find_watched(clean, events=result.events)
+    return None if result.indicators is None or window is None else align_move(track, clean, window)
+
+
 def _assemble(
     empty: Result,
     recording: Recording,
@@ -335,8 +347,7 @@ def _undetermined(
     events: tuple[Event, ...],
     reason: NotIdentifiableError,
 ) -> Measurement:
-    lost_s = min((event.time_s.value for event in events if event.ends_grip), default=None)
-    watched = find_watched(clean, end_s=lost_s)
+    watched = find_watched(clean, events=events)
     result = replace(
         _empty_result(file, settings, recording),
         # A product that a shaped move leaves at rest does not swing: how the move ended is known all the same.

@@ -1,7 +1,7 @@
 """A set from its files to its tables, once or as it is being filled."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,12 +71,24 @@ def measure_set(
     Batch
     """
     found = find_set(path, leave_out=ledger.out)
-    jobs = missing_jobs(found, ledger)
-    begin(len(found.items), len(found.items) - len(jobs))
+    measure_items(found.items, ledger, hired, begin=begin, report=report)
+    return write_batch(found, ledger)
+
+
+def measure_items(
+    items: Sequence[Item],
+    ledger: Ledger,
+    hired: Callable[[], AbstractContextManager[Crew]],
+    *,
+    begin: Begin,
+    report: Callable[[Outcome], None],
+) -> None:
+    """Measure what is missing or changed among some files; see `measure_set`."""
+    jobs = missing_jobs(items, ledger)
+    begin(len(items), len(items) - len(jobs))
     if jobs:
         with hired() as crew:
             Runner(crew, ledger, report).run(jobs)
-    return write_batch(found, ledger)
 
 
 def write_batch(found: MeasurementSet, ledger: Ledger) -> Batch:
@@ -85,10 +97,10 @@ def write_batch(found: MeasurementSet, ledger: Ledger) -> Batch:
     return Batch(tables=tables, notices=write_set(tables, found.items, ledger))
 
 
-def missing_jobs(found: MeasurementSet, ledger: Ledger) -> list[Job]:
+def missing_jobs(items: Sequence[Item], ledger: Ledger) -> list[Job]:
     """Return a job for each file that has no result of its content and settings, or may have changed."""
     jobs = []
-    for item in found.items:
+    for item in items:
         digest = ledger.settings_digest(item)
         if ledger.find_key(item, digest) is None:
             jobs.append(Job(item=item, settings_digest=digest, out=str(ledger.out.resolve())))
@@ -128,7 +140,7 @@ def watch_set(
         while go_on():
             found = find_set(path, leave_out=ledger.out, may_be_empty=True)
             stamps = {item.name: stamp_of(item.path) for item in found.items}
-            jobs = missing_jobs(found, ledger)
+            jobs = missing_jobs(found.items, ledger)
             ready = [job for job in jobs if _is_complete(job.item, stamps, before, tried)]
             before = stamps
             if ready:

@@ -12,9 +12,10 @@ import cv2
 
 from tagsway import __version__
 from tagsway.errors import TagswayError
-from tagsway.model import Estimate, Result, Settings
-from tagsway.pipeline import Measurement, identify
+from tagsway.model import AlignedMove, Estimate, Result, Settings
+from tagsway.pipeline import Measurement, aligned_move, identify
 from tagsway.sets.manifest import Item
+from tagsway.sets.moves import to_plain_move
 from tagsway.sets.picks import identify_picks
 from tagsway.sets.remote import local_copy
 from tagsway.store.documents import result_document, to_document
@@ -28,6 +29,9 @@ FILE = "{file}"
 
 MOST_DRAWN = 400
 """Points of a kept decay."""
+
+ROWS = 2
+"""Counts what a row holds: one that holds less is measured again, from the kept steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +124,7 @@ def settings_digest(item: Item, files: Mapping[str, str]) -> str:
     settings = to_document(item.settings)
     for name in named_files(item.settings):
         settings = {key: files[name] if value == name else value for key, value in settings.items()}
-    text = json.dumps([__version__, settings, item.picks], sort_keys=True)
+    text = json.dumps([__version__, ROWS, settings, item.picks], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -156,7 +160,10 @@ def _measure(job: Job) -> Outcome:
             return Outcome(key=key, sha256=sha256, lines=(_line(head),), failed=True)
         rows = [_row(each, number, file) for number, each in measured]
         frames = sum(len(each.track.time_s) for _, each in measured)
-        documents = [{"result": result_document(m.result), "decay": _decay(m)} for _, m in measured]
+        documents = [
+            {"result": result_document(m.result), "decay": _decay(m), "move": to_plain_move(aligned_move(m))}
+            for _, m in measured
+        ]
         if shared:
             steps.keep()
         return Outcome(
@@ -177,21 +184,19 @@ def _identify(file: Path, item: Item, steps: StepStore) -> list[tuple[int | None
 
 def _row(measurement: Measurement, number: int | None, file: Path) -> dict[str, Any]:
     """Return what measurements.csv says of a measurement, but for its name and its factors."""
-    result = measurement.result
     reason = measurement.not_determined
+    error = None if reason is None else _one_line(reason).replace(str(file), FILE)
+    return {"pick": number, "error": error, **row_of_result(measurement.result, aligned_move(measurement))}
+
+
+def row_of_result(result: Result, move: AlignedMove | None) -> dict[str, Any]:
+    """Return the numbers of a row of measurements.csv; `move` tells how long it was watched."""
+    modal, pendulum, indicators = result.modal, result.pendulum, result.indicators
     row: dict[str, Any] = {
-        "pick": number,
         "status": result.status,
-        "error": None if reason is None else _one_line(reason).replace(str(file), FILE),
         "warnings": " ".join(sorted({notice.code for notice in result.warnings})),
         "frames": None if result.video is None else result.video.frames,
     }
-    return {**row, **_numbers(result)}
-
-
-def _numbers(result: Result) -> dict[str, Any]:
-    modal, pendulum, indicators = result.modal, result.pendulum, result.indicators
-    row: dict[str, Any] = {}
 
     def tell(name: str, std_name: str, estimate: Estimate | None, factor: float = 1.0) -> None:
         row[name] = None if estimate is None else estimate.value * factor
@@ -213,6 +218,16 @@ def _numbers(result: Result) -> dict[str, Any]:
         row["overshoot_percent"] = indicators.overshoot_percent
         row["trajectory_time_s"] = indicators.trajectory_time_s
         row["motion_time_s"] = indicators.motion_time_s
+        peak, rest = indicators.max_pcp_acceleration_m_s2, indicators.residual_acceleration_m_s2
+        tell("max_pcp_acceleration_m_s2", "max_pcp_acceleration_std_m_s2", peak.horizontal)
+        tell("max_pcp_vector_m_s2", "max_pcp_vector_std_m_s2", peak.vector_with_gravity)
+        row["bandwidth_hz"] = peak.bandwidth_hz
+        row["residual_max_m_s2"] = None if rest is None else rest.max
+        row["residual_rms_m_s2"] = None if rest is None else rest.rms
+        for name, error_m in (("box_error_mm", indicators.box_error_m), ("place_error_mm", indicators.place_error_m)):
+            row[name] = None if error_m is None else 1e3 * error_m
+        row["reference_mm"] = 1e3 * indicators.reference_m
+        row["watched_s"] = None if move is None else float(move.time_s[-1])
     return row
 
 

@@ -81,21 +81,17 @@ class Ledger:
             return []
         rows: list[dict[str, Any]] = head["rows"]
         for row in rows:
+            row["result"] = path.relative_to(self.out).as_posix()
             if row.get("error"):
                 row["error"] = row["error"].replace(FILE, item.name)
         return rows
 
-    def decays(self, item: Item) -> list[dict[str, Any] | None]:
-        """Return the free decay of each of an item's measurements."""
+    def kept(self, item: Item) -> list[dict[str, Any]]:
+        """Return what is kept of each of an item's measurements beside its row: `result`, `decay` and `move`."""
         known = self._digests.get(item.name)
         if known is None or item.name in self._failures:
             return []
-        path = result_path(self.out, result_key(known[1], self.settings_digest(item)))
-        try:
-            lines = path.read_text(encoding="utf-8").splitlines()[1:]
-            return [json.loads(line)["decay"] for line in lines]
-        except (OSError, ValueError, KeyError):
-            return []
+        return read_kept(result_path(self.out, result_key(known[1], self.settings_digest(item))))
 
     def enter(self, item: Item, outcome: Outcome, *, stamp: str | None) -> None:
         """Keep what became of an item: its result whole, then the digest of its content.
@@ -168,6 +164,14 @@ def open_ledger(out: Path) -> Iterator[Ledger]:
             yield ledger
         finally:
             lock.truncate(0)
+
+
+def read_kept(path: Path) -> list[dict[str, Any]]:
+    """Return what a result's file holds of each measurement beside its row; nothing where it is damaged."""
+    try:
+        return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()[1:]]
+    except (OSError, ValueError):
+        return []
 
 
 def _try_lock(file: IO[str]) -> bool:

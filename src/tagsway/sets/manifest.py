@@ -14,6 +14,9 @@ from tagsway.sets.remote import find_remote, is_url
 
 SET_SCHEMA = "tagsway/set/1"
 MANIFEST, TABLE, INHERITED = "set.toml", "set.csv", "identify.toml"
+RESULTS = ("-identify", "-compare")
+"""How the names of folders of results end."""
+
 ATTEMPTS = "attempts.jsonl"
 """The log by which a folder of results is known."""
 
@@ -83,7 +86,13 @@ class MeasurementSet:
     items: tuple[Item, ...]
 
 
-def find_set(path: Path, *, leave_out: Path | None = None, may_be_empty: bool = False) -> MeasurementSet:
+def find_set(
+    path: Path,
+    *,
+    leave_out: Path | None = None,
+    may_be_empty: bool = False,
+    stated: Mapping[str, Any] | None = None,
+) -> MeasurementSet:
     """Find all files of a set and what is said of each.
 
     Parameters
@@ -95,6 +104,8 @@ def find_set(path: Path, *, leave_out: Path | None = None, may_be_empty: bool = 
         A folder in which nothing is looked for: that of the results.
     may_be_empty : bool
         For a folder that is being filled.
+    stated : mapping, optional
+        Options for all of its files, by name; what the set itself says goes before.
 
     Returns
     -------
@@ -111,10 +122,10 @@ def find_set(path: Path, *, leave_out: Path | None = None, may_be_empty: bool = 
     if leave_out is not None and folder.resolve().is_relative_to(leave_out.resolve()):
         raise InputError(f"--out {leave_out} holds the set {path}: give a folder of its own for the results")
     if path.is_dir():
-        finder = _Finder(path, leave_out, may_be_empty)
+        finder = _Finder(path, leave_out, may_be_empty, stated or {})
         items = finder.from_folder()
     else:
-        finder = _Finder(path.parent, leave_out, may_be_empty)
+        finder = _Finder(path.parent, leave_out, may_be_empty, stated or {})
         if path.suffix.lower() == ".toml":
             items = list(finder.from_toml(path))
         elif path.suffix.lower() == ".csv" and (rows := _manifest_rows(path)) is not None:
@@ -131,7 +142,8 @@ def find_set(path: Path, *, leave_out: Path | None = None, may_be_empty: bool = 
 
 
 class _Finder:
-    def __init__(self, root: Path, leave_out: Path | None, may_be_empty: bool) -> None:
+    def __init__(self, root: Path, leave_out: Path | None, may_be_empty: bool, beneath: Mapping[str, Any]) -> None:
+        self._beneath = beneath
         self.root = root.resolve()
         self._leave_out = None if leave_out is None else leave_out.resolve()
         self._may_be_empty = may_be_empty
@@ -184,10 +196,10 @@ class _Finder:
     ) -> Item:
         if isinstance(file, Path):
             name = file.relative_to(self.root).as_posix()
-            stated = {**self._inherit(file.parent), **stated}
+            stated = {**self._beneath, **self._inherit(file.parent), **stated}
         else:
             name = file
-            stated = {**self._inherit(self.root), **stated}
+            stated = {**self._beneath, **self._inherit(self.root), **stated}
         return Item(
             name=name,
             path=str(file),
@@ -265,7 +277,7 @@ class _Finder:
 def _walk(folder: Path, leave_out: Path | None) -> Iterator[Path]:
     """Give the videos and tracks in a folder and those below, sorted; nothing hidden, and no folder of results."""
     for entry in sorted(folder.iterdir()):
-        if entry.name.startswith(".") or entry.name.endswith("-identify") or entry.resolve() == leave_out:
+        if entry.name.startswith(".") or entry.name.endswith(RESULTS) or entry.resolve() == leave_out:
             continue
         if entry.is_dir() and ((entry / ATTEMPTS).exists() or entry.is_symlink()):
             continue

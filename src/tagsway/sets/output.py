@@ -149,7 +149,8 @@ def _decays(
     found: list[tuple[FloatArray, FloatArray]] = []
     unit = "mm"
     for item in items[:: max(1, len(items) // MOST_DECAYS)]:
-        for number, decay in enumerate(ledger.decays(item), start=1):
+        for number, kept_of_it in enumerate(ledger.kept(item), start=1):
+            decay = kept_of_it.get("decay")
             if decay is None or (item.name, number) not in wanted or len(found) >= MOST_DECAYS:
                 continue
             unit = decay["unit"] if not found else unit

@@ -15,7 +15,7 @@ from tagsway.sets.manifest import Item
 from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
 
 FIRST = ("file", "pick", "subset")
-TEXTS = ("status", "error", "warnings", "rejected_by")
+TEXTS = ("status", "error", "warnings", "rejected_by", "result")
 NUMBERS = (
     "frames",
     "window_start_s",
@@ -37,6 +37,17 @@ NUMBERS = (
     "overshoot_percent",
     "trajectory_time_s",
     "motion_time_s",
+    "max_pcp_acceleration_m_s2",
+    "max_pcp_acceleration_std_m_s2",
+    "max_pcp_vector_m_s2",
+    "max_pcp_vector_std_m_s2",
+    "residual_max_m_s2",
+    "residual_rms_m_s2",
+    "place_error_mm",
+    "box_error_mm",
+    "reference_mm",
+    "watched_s",
+    "bandwidth_hz",
 )
 """Columns of measurements.csv beside the factors, which stand after the first ones."""
 
@@ -102,10 +113,20 @@ def make_tables(rows: Iterable[Mapping[str, Any]]) -> Tables:
     rows : iterable of mapping
         With `file`, `subset`, `status`, factors, and the numbers that were found.
     """
+    table = arrange_rows(rows)
+    table = table.sort_values(["subset", "file", "pick"], kind="stable", ignore_index=True)
+    for _, part in table.groupby("subset", sort=True):
+        table.loc[part.index, "rejected_by"] = reject(part)
+    summary = [summarise(str(name), part) for name, part in table.groupby("subset", sort=True)]
+    return Tables(measurements=table, summary=pd.DataFrame.from_records([*summary, summarise(WHOLE, table)]))
+
+
+def arrange_rows(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return rows as a table in their order, with all columns of measurements.csv; nothing is rejected."""
     table = pd.DataFrame.from_records(list(rows))
     known = [*FIRST, *TEXTS, *NUMBERS]
     factors = sorted(name for name in table.columns if name not in known)
-    table = table.reindex(columns=[*FIRST, *factors, "status", "error", *NUMBERS, "warnings", "rejected_by"])
+    table = table.reindex(columns=[*FIRST, *factors, "status", "error", *NUMBERS, "warnings", "rejected_by", "result"])
     for name in NUMBERS:
         table[name] = pd.to_numeric(table[name])
     for name in ("pick", "frames"):
@@ -113,13 +134,9 @@ def make_tables(rows: Iterable[Mapping[str, Any]]) -> Tables:
     for name in factors:
         if not pd.api.types.is_numeric_dtype(table[name]):
             table[name] = _as_text(table[name])
-    for name in ("error", "warnings", "rejected_by"):
+    for name in ("error", "warnings", "rejected_by", "result"):
         table[name] = _as_text(table[name])
-    table = table.sort_values(["subset", "file", "pick"], kind="stable", ignore_index=True)
-    for _, part in table.groupby("subset", sort=True):
-        table.loc[part.index, "rejected_by"] = reject(part)
-    summary = [summarise(str(name), part) for name, part in table.groupby("subset", sort=True)]
-    return Tables(measurements=table, summary=pd.DataFrame.from_records([*summary, summarise(WHOLE, table)]))
+    return table
 
 
 def reject(part: pd.DataFrame) -> list[str]:

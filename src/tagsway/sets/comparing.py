@@ -1,0 +1,143 @@
+"""From conditions to their measurements: those that were made are read, the others are made."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from tagsway.errors import InputError
+from tagsway.filters import clean_track
+from tagsway.model import AlignedMove
+from tagsway.pipeline import align_result
+from tagsway.sets.batch import Begin, measure_items
+from tagsway.sets.comparison import CONDITION
+from tagsway.sets.conditions import Sources
+from tagsway.sets.jobs import Outcome, row_of_result
+from tagsway.sets.ledger import Ledger, open_ledger, read_kept
+from tagsway.sets.manifest import Item
+from tagsway.sets.moves import to_move
+from tagsway.sets.options import inside
+from tagsway.sets.output import MEASUREMENTS
+from tagsway.sets.tables import arrange_rows
+from tagsway.sets.workers import Crew
+from tagsway.store.documents import read_result
+from tagsway.store.tables import read_table
+from tagsway.store.tracks import read_track
+
+TRACK, PLACE = "track.csv", "place"
+NEEDED = "max_pcp_acceleration_m_s2"
+"""A column that sets measured by an earlier version do not have."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gathered:
+    """The measurements of all conditions.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row a measurement: those of measurements.csv, `condition` where it was named, and `place` in `moves`.
+    moves : tuple of AlignedMove or None
+        Of each measurement; None where it shows none.
+    """
+
+    table: pd.DataFrame
+    moves: tuple[AlignedMove | None, ...]
+
+
+def gather(
+    sources: Sources,
+    out: Path,
+    hired: Callable[[], AbstractContextManager[Crew]],
+    *,
+    begin: Begin,
+    report: Callable[[Outcome], None],
+) -> Gathered:
+    """Read what was measured, and measure what was not.
+
+    Parameters
+    ----------
+    sources : Sources
+        Of all conditions.
+    out : Path
+        Folder in which new measurements are kept, and looked for.
+    hired, begin, report : callable
+        As in `measure_set`; called only where there is something to measure.
+
+    Returns
+    -------
+    Gathered
+
+    Raises
+    ------
+    InputError
+        Where what was measured cannot be read.
+    """
+    rows: list[dict[str, Any]] = []
+    moves: list[AlignedMove | None] = []
+
+    def add(condition: str | None, row: Mapping[str, Any], move: AlignedMove | None) -> None:
+        rows.append({**row, **({} if condition is None else {CONDITION: condition})})
+        moves.append(move)
+
+    for condition, path in sources.results:
+        add(condition, *_read_single(path))
+    for condition, folder in sources.sets:
+        for row, move in _read_set(folder):
+            add(condition, row, move)
+    if sources.items:
+        with open_ledger(out) as ledger:
+            measure_items([item for _, item in sources.items], ledger, hired, begin=begin, report=report)
+            for condition, item in sources.items:
+                for row, move in _read_item(item, ledger):
+                    add(condition, row, move)
+    if not rows:
+        raise InputError("there is nothing to compare: no measurement was found")
+    table = arrange_rows(rows)
+    table[PLACE] = range(len(table))
+    return Gathered(table=table, moves=tuple(moves))
+
+
+def _read_single(path: Path) -> tuple[dict[str, Any], AlignedMove | None]:
+    """Return the row of a single measurement, and its move from the track beside it."""
+    result, track, move = read_result(path), path.parent / TRACK, None
+    if result.indicators is not None and track.exists():
+        whole = read_track(track)
+        move = align_result(result, whole, clean_track(whole))
+    error = result.warnings[-1].message if result.status == "not_determined" and result.warnings else None
+    return {"file": path.as_posix(), "subset": "", "error": error, **row_of_result(result, move)}, move
+
+
+def _read_item(item: Item, ledger: Ledger) -> Iterator[tuple[dict[str, Any], AlignedMove | None]]:
+    """Give the rows of a file, and its moves."""
+    kept = ledger.kept(item)
+    for number, row in enumerate(ledger.rows(item)):
+        own = {"file": item.name, "subset": item.subset, **dict(item.factors), **row}
+        yield own, to_move(kept[number].get("move")) if number < len(kept) else None
+
+
+def _read_set(folder: Path) -> Iterator[tuple[dict[str, Any], AlignedMove | None]]:
+    """Give the rows of a measured set, and the moves that it keeps."""
+    table = read_table(folder / MEASUREMENTS, expected="the measurements.csv of a measured set")
+    for name in ("file", "result", "status", NEEDED):
+        if name not in table:
+            raise InputError(
+                f"{folder / MEASUREMENTS} has no column {name!r}: an earlier version measured it; measure it again, by "
+                "the same identify batch (nothing is tracked again)"
+            )
+    kept: list[dict[str, Any]] = []
+    place = None
+    for row in table.to_dict("records"):
+        if row["result"] != place and isinstance(row["result"], str):
+            place = row["result"]
+            kept = read_kept(inside(folder / place, folder, origin=str(folder / MEASUREMENTS)))
+        number = 0 if pd.isna(row["pick"]) else int(row["pick"]) - 1
+        known = isinstance(row["result"], str) and number < len(kept)
+        own = {str(name): None if pd.isna(value) else value for name, value in row.items()}
+        yield (
+            {**own, "file": f"{folder.as_posix()}/{row['file']}"},
+            to_move(kept[number].get("move")) if known else None,
+        )

@@ -1,0 +1,206 @@
+"""What a design or a simulation promised of a condition, against what was measured."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from tagsway.errors import InputError
+from tagsway.model import Promise
+from tagsway.repeats import share_interval
+from tagsway.sets.comparison import PLAIN, Sorted, part_of, values_of
+from tagsway.store.designs import DESIGN_SCHEMA
+
+SIMULATION_SCHEMA = "tagsway/simulation/1"
+FILES = ("design.json", "simulation.json")
+ACCELERATION = "max_acceleration_m_s2"
+
+SIMULATED = {
+    "motion_time_s": "motion_time_s",
+    "trajectory_time_s": "trajectory_time_s",
+    "overshoot_percent": "overshoot_percent",
+    "max_pcp_acceleration_m_s2": "pcp_acceleration_m_s2",
+    "max_pcp_vector_m_s2": "pcp_vector_m_s2",
+    "residual_max_m_s2": "residual_max_m_s2",
+    "residual_rms_m_s2": "residual_rms_m_s2",
+    "place_error_mm": "place_error_mm",
+    "box_error_mm": "box_error_mm",
+}
+"""What is measured, and what a simulated row calls it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Said:
+    shaping: str
+    acceleration_m_s2: float
+    quantity: str
+    kind: Literal["planned", "at most"]
+    value: float
+    share: float | None = None
+
+
+def judge_promises(texts: Sequence[str], rows: Sorted, *, within: str | None) -> tuple[Promise, ...]:
+    """Hold what was promised against what was measured.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Each PATH or CONDITION=PATH: a design.json or a simulation.json, or the folder of one.
+    rows : Sorted
+        The measurements.
+    within : str, optional
+        The factor that makes the groups: where it is the acceleration, a promise holds for the group of its own.
+
+    Returns
+    -------
+    tuple of Promise
+
+    Raises
+    ------
+    InputError
+        Where a file says nothing that was measured, or does not tell of which condition.
+    """
+    found: list[Promise] = []
+    for text in texts:
+        name, path = _split(text, rows.conditions)
+        new = list(_judge(list(_read(path)), name, rows, source=path.name, within=within))
+        if not new:
+            raise InputError(
+                f"--design {text}: it says nothing of a condition that was measured; name the condition, as in "
+                f"--design {rows.conditions[-1]}={path}"
+            )
+        found += new
+    return tuple(found)
+
+
+def _judge(
+    said: Sequence[_Said], name: str | None, rows: Sorted, *, source: str, within: str | None
+) -> Iterator[Promise]:
+    for group in rows.groups:
+        for condition in rows.conditions:
+            mine = [one for one in said if _is_of(one, said, condition, name, rows.conditions)]
+            if within == ACCELERATION:
+                mine = [one for one in mine if np.isclose(one.acceleration_m_s2, _number(group), rtol=1e-3)]
+            for one in mine:
+                values = values_of(part_of(rows, group, condition), one.quantity)
+                values = values[~np.isnan(values)]
+                if len(values):
+                    yield _promise(one, group, condition, source, values)
+
+
+def _promise(one: _Said, group: str, condition: str, source: str, values: np.ndarray[Any, Any]) -> Promise:
+    median = float(np.median(values))
+    kept = int(np.count_nonzero(values <= one.value)) if one.kind == "at most" else None
+    interval = None if kept is None else share_interval(kept, len(values))
+    verdict: Literal["kept", "open", "broken"] | None = None
+    if interval is not None and one.share is not None:
+        verdict = "kept" if interval[0] >= one.share else "broken" if interval[1] < one.share else "open"
+    return Promise(
+        group=group,
+        condition=condition,
+        source=source,
+        quantity=one.quantity,
+        kind=one.kind,
+        promised=one.value,
+        share=one.share,
+        n=len(values),
+        kept=kept,
+        median=median if np.isfinite(median) else None,
+        kept_ci95=interval,
+        verdict=verdict,
+    )
+
+
+def _is_of(one: _Said, said: Sequence[_Said], condition: str, name: str | None, conditions: Sequence[str]) -> bool:
+    """Tell whether something was said of a condition: by its name, or by how it is shaped."""
+    shaped = {other.shaping for other in said} - {"unshaped"}
+    if name is not None:
+        if condition != name:
+            return False
+        matching = {other.shaping for other in said if _alike(other.shaping, name)}
+        return one.shaping in (matching or (shaped if len(shaped) == 1 else set()) or {"unshaped"} - shaped)
+    if _alike(one.shaping, condition):
+        return True
+    others = [other for other in conditions if any(_alike(each.shaping, other) for each in said if each is not one)]
+    return len(conditions) == 2 and condition == conditions[1] and {one.shaping} == shaped and condition not in others
+
+
+def _alike(shaping: str, condition: str) -> bool:
+    plain = "-".join(re.split(r"[,+\s_-]+", condition.strip().lower()))
+    return plain in PLAIN if shaping == "unshaped" else plain == shaping
+
+
+def _split(text: str, conditions: Sequence[str]) -> tuple[str | None, Path]:
+    name, sign, path = text.partition("=")
+    if not sign or Path(text).exists():
+        return None, _file(Path(text))
+    if name not in conditions:
+        raise InputError(f"--design {text}: there is no condition {name!r}, but {', '.join(conditions)}")
+    return name, _file(Path(path))
+
+
+def _file(path: Path) -> Path:
+    if not path.is_dir():
+        return path
+    inside = [path / name for name in FILES if (path / name).exists()]
+    if len(inside) != 1:
+        raise InputError(f"--design {path}: expected one of {' and '.join(FILES)} in it, found {len(inside)}")
+    return inside[0]
+
+
+def _read(path: Path) -> Iterator[_Said]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        schema = document["schema"]
+        if schema == DESIGN_SCHEMA:
+            yield from _read_design(document)
+        elif schema == SIMULATION_SCHEMA:
+            yield from _read_simulation(document)
+        else:
+            raise InputError(f"{path}: expected schema {DESIGN_SCHEMA!r} or {SIMULATION_SCHEMA!r}, found {schema!r}")
+    except OSError as fault:
+        raise InputError(f"--design {path}: {(fault.strerror or 'cannot be read').lower()}") from None
+    except (ValueError, KeyError, TypeError) as fault:
+        if isinstance(fault, InputError):
+            raise
+        raise InputError(f"{path} is no design.json and no simulation.json ({fault})") from None
+
+
+def _read_design(document: Mapping[str, Any]) -> Iterator[_Said]:
+    chosen, limits = document["chosen"], document["limits"]
+    axes = "-".join(chosen["shaped_axes"])
+    shaping = "unshaped" if chosen["name"] == "unshaped" or not axes else axes
+    common = {"shaping": shaping, "acceleration_m_s2": float(chosen["max_acceleration_m_s2"])}
+    yield _Said(**common, quantity="trajectory_time_s", kind="planned", value=float(chosen["motion_time_s"]))
+    for quantity, limit in (
+        ("place_error_mm", limits["placement_window_mm"]),
+        ("max_pcp_acceleration_m_s2", limits["pcp_acceleration_m_s2"]),
+    ):
+        if limit is not None and np.isfinite(limit):
+            share = float(limits["share"])
+            yield _Said(**common, quantity=quantity, kind="at most", value=float(limit), share=share)
+
+
+def _read_simulation(document: Mapping[str, Any]) -> Iterator[_Said]:
+    worst = int(document["payload"]["samples"]) > 1
+    for row in document["rows"]:
+        for quantity, name in SIMULATED.items():
+            if row.get(name) is not None:
+                yield _Said(
+                    shaping="-".join(str(row["shaping"]).split(",")),
+                    acceleration_m_s2=float(row["max_acceleration_m_s2"]),
+                    quantity=quantity,
+                    kind="at most" if worst and quantity != "trajectory_time_s" else "planned",
+                    value=float(row[name]),
+                )
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
