@@ -9,6 +9,7 @@ from tagsway import __version__
 from tagsway.cli import (
     batch,
     calibrate,
+    compare,
     design,
     identify,
     impulse,
@@ -55,6 +56,7 @@ def _options(
 app.command("run")(identify.run)
 app.command("batch")(batch.batch)
 app.command("calibrate")(calibrate.calibrate)
+app.command("compare")(compare.compare)
 app.command("design")(design.design)
 app.command("render")(render.render)
 app.command("retune")(retune.retune)

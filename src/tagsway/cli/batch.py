@@ -50,11 +50,11 @@ def batch(
     folder = Path(f"{path.resolve().stem}-identify") if out is None else out
     check_writable(folder)
     find_set(path, leave_out=folder, may_be_empty=watch)  # a set that cannot be used leaves no folder behind
-    count = workers or _cores()
+    count = workers or usable_cores()
 
     with open_ledger(folder) as ledger:
         try:
-            with _display(path.name, shown=not quiet) as (begin, report):
+            with display_set(path.name, shown=not quiet) as (begin, report):
                 if watch:
                     watch_set(path, ledger, lambda: hire(count, cluster), begin=begin, report=report)
                 done = measure_set(path, ledger, lambda: hire(count, cluster), begin=begin, report=report)
@@ -111,14 +111,15 @@ def _number(value: float | None, form: str) -> str:
     return "-".rjust(int(form.split(".")[0])) if missing else format(value, form)
 
 
-def _cores() -> int:
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 @contextmanager
-def _display(name: str, *, shown: bool) -> Iterator[tuple[Callable[[int, int], None], Callable[["Outcome"], None]]]:
+def display_set(name: str, *, shown: bool) -> Iterator[tuple[Callable[[int, int], None], Callable[["Outcome"], None]]]:
     """Give what shows a set's progress: files done, failed and left, frames per second, time left."""
     import sys
 

@@ -11,7 +11,14 @@ its name. No type computes anything that a stage should, and none opens a file.
 
 from tagsway.model.arrays import BoolArray, FloatArray, GreyArray, IntArray
 from tagsway.model.camera import Camera, PlaneView, SeenTag
-from tagsway.model.comparison import Comparison, ConditionSummary, Difference, PickRate, Promise
+from tagsway.model.comparison import (
+    Comparison,
+    ConditionCurves,
+    ConditionSummary,
+    Difference,
+    PickRate,
+    Promise,
+)
 from tagsway.model.curves import (
     AmplitudeCurve,
     BackboneCurve,
@@ -91,6 +98,7 @@ __all__ = [
     "CleanTagTrack",
     "CleanTrack",
     "Comparison",
+    "ConditionCurves",
     "ConditionSummary",
     "ControllerLog",
     "CoordinateFrame",

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from tagsway.model.arrays import FloatArray
 from tagsway.model.estimate import FORBID_UNKNOWN, Notice
+from tagsway.model.indicators import AlignedMove
 from tagsway.model.repeats import RepeatDifference
 from tagsway.model.result import Creator
 
@@ -185,3 +187,29 @@ class Comparison:
     rates: tuple[PickRate, ...]
     promises: tuple[Promise, ...]
     warnings: tuple[Notice, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionCurves:
+    """What is drawn of one condition in one group.
+
+    Parameters
+    ----------
+    group, condition : str
+        Which.
+    moves : tuple of AlignedMove
+        Some of its measurements over each other.
+    middle : AlignedMove or None
+        The median of all of them at each time; None where there is one.
+    band_m : float
+        Half the band that counts as settled.
+    points : dict of ndarray
+        By quantity: each measurement's value; infinite where it never settled.
+    """
+
+    group: str
+    condition: str
+    moves: tuple[AlignedMove, ...]
+    middle: AlignedMove | None
+    band_m: float
+    points: dict[str, FloatArray]

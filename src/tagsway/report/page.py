@@ -4,6 +4,7 @@ import base64
 import functools
 import hashlib
 from importlib import resources
+from typing import Any
 
 from jinja2 import Environment, StrictUndefined, Template
 
@@ -19,6 +20,7 @@ from tagsway.report.tables import (
     pendulum_rows,
     shaper_rows,
 )
+from tagsway.report.traces import Chart
 from tagsway.report.words import (
     describe_agreement,
     describe_excitation,
@@ -55,9 +57,9 @@ def render_page(result: Result, curves: Curves, *, title: str) -> str:
         The same input gives the same page. All text is escaped, also file names.
     """
     event_sentences, warnings = split_events(result)
-    charts, abscissae = share_abscissae(make_charts(result, curves))
-    scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
-    html = _template().render(
+    return render_template(
+        "page.html",
+        make_charts(result, curves),
         title=title,
         result=result,
         banner=BANNERS[result.status],
@@ -77,8 +79,27 @@ def render_page(result: Result, curves: Curves, *, title: str) -> str:
         indicator_rows=indicator_rows(result.indicators) if result.indicators is not None else [],
         measurement_rows=measurement_rows(result),
         steps=next_steps(result),
-        charts=charts,
-        page_data={"charts": charts, "abscissae": abscissae, "light": LIGHT_PALETTE, "dark": DARK_PALETTE},
+    )
+
+
+def render_template(name: str, charts: dict[str, Chart], **words: Any) -> str:
+    """Return a page with its charts, script and style inside.
+
+    Parameters
+    ----------
+    name : str
+        Of the template beside this module.
+    charts : dict of Chart
+        By name.
+    words : Any
+        What the template says.
+    """
+    slim, abscissae = share_abscissae(charts)
+    scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
+    html = _template(name).render(
+        **words,
+        charts=slim,
+        page_data={"charts": slim, "abscissae": abscissae, "light": LIGHT_PALETTE, "dark": DARK_PALETTE},
         style=_asset("page.css"),
         scripts=scripts,
         script_hashes=[_hash(script) for script in scripts],
@@ -93,9 +114,9 @@ def _asset(name: str) -> str:
 
 
 @functools.cache
-def _template() -> Template:
+def _template(name: str) -> Template:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_asset("page.html"))
+    return environment.from_string(_asset(name))
 
 
 def _hash(script: str) -> str:

@@ -136,6 +136,33 @@ def find_sources(
     return Sources(items=tuple(items), results=tuple(results), sets=tuple(sets))
 
 
+def check_factor(sources: Sources, factor: str | None, *, option: str, least: int = 1) -> None:
+    """Raise an InputError where no file that is to be measured says a factor: before the work, not after it.
+
+    Parameters
+    ----------
+    sources : Sources
+        Of all conditions.
+    factor : str or None
+        None asks for nothing.
+    option : str
+        That names it, for the error.
+    least : int
+        Levels that it must have.
+    """
+    if factor is None or sources.sets or sources.results:
+        return
+    said = [{"subset": item.subset, **dict(item.factors)} for _, item in sources.items]
+    levels = {str(each[factor]) for each in said if factor in each}
+    if len(levels) < least:
+        known = sorted({name for each in said for name in each})
+        varied = [name for name in known if len({str(each.get(name)) for each in said}) > 1]
+        raise InputError(
+            f"{option} {factor}: {len(levels)} levels of it in {len(said)} files, expected {least} or more; what "
+            f"varies: {', '.join(varied) or 'nothing'}"
+        )
+
+
 def is_measured_set(path: Path) -> bool:
     """Tell whether a folder holds the results of a measured set."""
     return path.is_dir() and (path / ATTEMPTS).exists() and (path / MEASUREMENTS).exists()

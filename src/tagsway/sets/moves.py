@@ -1,5 +1,6 @@
-"""A move laid over others, as a set keeps it: a line of JSON."""
+"""Moves laid over others: as a set keeps them, and as they are drawn."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,34 @@ def to_move(plain: dict[str, Any] | None) -> AlignedMove | None:
         beyond_m=np.asarray(plain["beyond_mm"], dtype=float) / 1e3,
         acceleration_m_s2=np.asarray(plain["acceleration_m_s2"], dtype=float),
         end_s=float(plain["end_s"]),
+    )
+
+
+def median_move(moves: Sequence[AlignedMove]) -> AlignedMove | None:
+    """Return the median of some moves at each time, as far as half of them were watched; None for fewer than two."""
+    if len(moves) < 2:
+        return None
+    end = float(np.median([move.time_s[-1] for move in moves]))
+    time = np.linspace(0, end, MOST_DRAWN)
+
+    def middle(name: str) -> FloatArray:
+        each: FloatArray = np.full((len(moves), len(time)), np.nan)
+        for row, move in zip(each, moves, strict=True):
+            values: FloatArray = getattr(move, name)
+            seen = np.isfinite(values)
+            if seen.any():
+                row[:] = np.interp(time, move.time_s[seen], values[seen], left=np.nan, right=np.nan)
+        told = np.isfinite(each).sum(axis=0) * 2 >= len(moves)
+        result: FloatArray = np.full(len(time), np.nan)
+        result[told] = np.nanmedian(each[:, told], axis=0)
+        return result
+
+    return AlignedMove(
+        time_s=time,
+        sway_m=middle("sway_m"),
+        beyond_m=middle("beyond_m"),
+        acceleration_m_s2=middle("acceleration_m_s2"),
+        end_s=float(np.median([move.end_s for move in moves])),
     )
 
 

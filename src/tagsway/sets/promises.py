@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -80,12 +80,13 @@ def judge_promises(texts: Sequence[str], rows: Sorted, *, within: str | None) ->
 def _judge(
     said: Sequence[_Said], name: str | None, rows: Sorted, *, source: str, within: str | None
 ) -> Iterator[Promise]:
+    shaping_of = _match(sorted({one.shaping for one in said}), name, rows.conditions)
     for group in rows.groups:
         for condition in rows.conditions:
-            mine = [one for one in said if _is_of(one, said, condition, name, rows.conditions)]
-            if within == ACCELERATION:
-                mine = [one for one in mine if np.isclose(one.acceleration_m_s2, _number(group), rtol=1e-3)]
-            for one in mine:
+            for one in said:
+                elsewhere = within == ACCELERATION and not _is_near(one.acceleration_m_s2, group)
+                if shaping_of.get(condition) != one.shaping or elsewhere:
+                    continue
                 values = values_of(part_of(rows, group, condition), one.quantity)
                 values = values[~np.isnan(values)]
                 if len(values):
@@ -115,18 +116,17 @@ def _promise(one: _Said, group: str, condition: str, source: str, values: np.nda
     )
 
 
-def _is_of(one: _Said, said: Sequence[_Said], condition: str, name: str | None, conditions: Sequence[str]) -> bool:
-    """Tell whether something was said of a condition: by its name, or by how it is shaped."""
-    shaped = {other.shaping for other in said} - {"unshaped"}
-    if name is not None:
-        if condition != name:
-            return False
-        matching = {other.shaping for other in said if _alike(other.shaping, name)}
-        return one.shaping in (matching or (shaped if len(shaped) == 1 else set()) or {"unshaped"} - shaped)
-    if _alike(one.shaping, condition):
-        return True
-    others = [other for other in conditions if any(_alike(each.shaping, other) for each in said if each is not one)]
-    return len(conditions) == 2 and condition == conditions[1] and {one.shaping} == shaped and condition not in others
+def _match(shapings: Sequence[str], name: str | None, conditions: Sequence[str]) -> dict[str, str]:
+    """Return how each condition is shaped, where that is said: by its name, or because nothing else is left."""
+    asked = conditions if name is None else (name,)
+    found = {condition: shaping for condition in asked for shaping in shapings if _alike(shaping, condition)}
+    lone = conditions[1] if name is None and len(conditions) == 2 else name
+    if lone is not None and lone not in found:
+        shaped = [shaping for shaping in shapings if shaping != "unshaped"]
+        left = [s for s in shaped or (shapings if name is not None else []) if s not in found.values()]
+        if len(left) == 1:
+            found[lone] = left[0]
+    return found
 
 
 def _alike(shaping: str, condition: str) -> bool:
@@ -162,11 +162,11 @@ def _read(path: Path) -> Iterator[_Said]:
             yield from _read_simulation(document)
         else:
             raise InputError(f"{path}: expected schema {DESIGN_SCHEMA!r} or {SIMULATION_SCHEMA!r}, found {schema!r}")
+    except InputError:
+        raise
     except OSError as fault:
         raise InputError(f"--design {path}: {(fault.strerror or 'cannot be read').lower()}") from None
     except (ValueError, KeyError, TypeError) as fault:
-        if isinstance(fault, InputError):
-            raise
         raise InputError(f"{path} is no design.json and no simulation.json ({fault})") from None
 
 
@@ -174,15 +174,21 @@ def _read_design(document: Mapping[str, Any]) -> Iterator[_Said]:
     chosen, limits = document["chosen"], document["limits"]
     axes = "-".join(chosen["shaped_axes"])
     shaping = "unshaped" if chosen["name"] == "unshaped" or not axes else axes
-    common = {"shaping": shaping, "acceleration_m_s2": float(chosen["max_acceleration_m_s2"])}
-    yield _Said(**common, quantity="trajectory_time_s", kind="planned", value=float(chosen["motion_time_s"]))
+    planned = _Said(
+        shaping=shaping,
+        acceleration_m_s2=float(chosen["max_acceleration_m_s2"]),
+        quantity="trajectory_time_s",
+        kind="planned",
+        value=float(chosen["motion_time_s"]),
+    )
+    yield planned
     for quantity, limit in (
         ("place_error_mm", limits["placement_window_mm"]),
         ("max_pcp_acceleration_m_s2", limits["pcp_acceleration_m_s2"]),
     ):
         if limit is not None and np.isfinite(limit):
             share = float(limits["share"])
-            yield _Said(**common, quantity=quantity, kind="at most", value=float(limit), share=share)
+            yield replace(planned, quantity=quantity, kind="at most", value=float(limit), share=share)
 
 
 def _read_simulation(document: Mapping[str, Any]) -> Iterator[_Said]:
@@ -199,8 +205,8 @@ def _read_simulation(document: Mapping[str, Any]) -> Iterator[_Said]:
                 )
 
 
-def _number(text: str) -> float:
+def _is_near(acceleration_m_s2: float, group: str) -> bool:
     try:
-        return float(text)
+        return bool(np.isclose(acceleration_m_s2, float(group), rtol=1e-3))
     except ValueError:
-        return float("nan")
+        return False

@@ -1,0 +1,169 @@
+"""`identify compare`: conditions beside each other."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tagsway.cli.batch import display_set, usable_cores
+from tagsway.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tagsway.sets.comparing import Gathered
+    from tagsway.sets.conditions import Condition
+
+MOST_NAMED = 20
+"""Failed files that are named on standard error; all of them are in comparison.csv."""
+
+
+def compare(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            help="NAME=FILES for each condition, the reference first: videos, tracks, results, sets, or patterns of "
+            "them. Or one set, with --by.",
+            metavar="NAME=FILES...",
+        ),
+    ],
+    by: Annotated[str | None, typer.Option(help="Of one set: the factor whose levels are compared.")] = None,
+    within: Annotated[
+        str | None, typer.Option(help="A factor whose levels are compared each for itself, as the acceleration.")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option(help="The condition that the others are compared with.", show_default="the first")
+    ] = None,
+    design: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What was promised: design.json or simulation.json, or its folder; CONDITION=PATH says of which.",
+            metavar="PATH",
+        ),
+    ] = None,
+    other_time: Annotated[float, typer.Option(help="Of a pick beside this move, in s: for the picks a minute.")] = 0.0,
+    out: Annotated[str | None, typer.Option(help="Folder for the results.", show_default="NAMES-compare")] = None,
+    fps: Annotated[float | None, typer.Option(help="Capture rate in Hz, where the files' headers are wrong.")] = None,
+    family: Annotated[str | None, typer.Option(help="Family of the tags.", show_default="tag36h11")] = None,
+    tcp_id: Annotated[int | None, typer.Option(help="Tag on the tool.", show_default="0")] = None,
+    pcp_id: Annotated[int | None, typer.Option(help="Tag on the product.", show_default="1")] = None,
+    reference_id: Annotated[int | None, typer.Option(help="A tag fixed to the machine.")] = None,
+    tag_size: Annotated[float | None, typer.Option(help="Side of the black square in mm, both tags.")] = None,
+    tcp_tag_size: Annotated[float | None, typer.Option(help="The same for the tool's tag alone.")] = None,
+    pcp_tag_size: Annotated[float | None, typer.Option(help="The same for the product's tag alone.")] = None,
+    camera: Annotated[Path | None, typer.Option(help="camera.json of a known lens.")] = None,
+    up: Annotated[
+        str | None, typer.Option(help="Where up is: image, reference, or degrees.", show_default="image")
+    ] = None,
+    sway_axis: Annotated[
+        str | None, typer.Option(help="Axis of the sway: x, z, or degrees.", show_default="found")
+    ] = None,
+    picks: Annotated[bool, typer.Option("--picks", help="Each move in a file is a measurement.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes, each on one core.", show_default="the cores")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print comparison.json instead of the tables.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
+) -> None:
+    """Compare conditions, as unshaped and shaped: indicators, their differences and how sure they are, picks gained."""
+    from dataclasses import replace
+
+    from tagsway.files import check_writable
+    from tagsway.report.comparison_words import summary_lines
+    from tagsway.sets.batch import hire
+    from tagsway.sets.comparing import gather
+    from tagsway.sets.comparison import Wish, sort_rows
+    from tagsway.sets.comparison import compare as compare_rows
+    from tagsway.sets.comparison_output import check_comparison_outputs, write_comparison
+    from tagsway.sets.conditions import check_factor, find_sources, read_conditions
+    from tagsway.sets.promises import judge_promises
+    from tagsway.store.comparisons import comparison_document
+    from tagsway.store.documents import dump
+
+    if workers is not None and not workers >= 1:
+        raise InputError(f"--workers is {workers}: expected 1 or more")
+    if not 0 <= other_time < 3600:
+        raise InputError(f"--other-time is {other_time:g}: expected seconds of a pick beside the move, 0 or more")
+    conditions = read_conditions(words)
+    wish = Wish(by=_factor(conditions, by), within=within, reference=reference, other_time_s=other_time)
+    title, folder = _names(conditions, wish.by, out)
+    check_writable(folder)
+    stated = {
+        "fps": fps,
+        "family": family,
+        "tcp_id": tcp_id,
+        "pcp_id": pcp_id,
+        "reference_id": reference_id,
+        "tag_size": tag_size,
+        "tcp_tag_size": tcp_tag_size,
+        "pcp_tag_size": pcp_tag_size,
+        "camera": None if camera is None else str(camera.resolve()),
+        "up": up,
+        "sway_axis": sway_axis,
+        "picks": picks or None,
+    }
+    sources = find_sources(conditions, _stated(stated), leave_out=folder)
+    check_comparison_outputs(
+        folder, [*(Path(item.path) for _, item in sources.items), *(p for _, p in sources.results)]
+    )
+    count = workers or usable_cores()
+    with display_set(title, shown=not quiet) as (begin, report):
+        found = gather(sources, _kept_in(conditions, folder), lambda: hire(count, None), begin=begin, report=report)
+    rows = sort_rows(found.table, wish, named=[condition.name or "" for condition in conditions])
+    comparison = compare_rows(rows, wish)
+    comparison = replace(comparison, promises=judge_promises(design or [], rows, within=within))
+    write_comparison(comparison, rows, found.moves, folder, title=title)
+    if json:
+        typer.echo(dump(comparison_document(comparison)), nl=False)
+    elif not quiet:
+        typer.echo("\n".join(summary_lines(comparison)))
+        typer.echo(f"\nwritten to {folder}/ — open {folder / 'report.html'}")
+    if not quiet:
+        for notice in comparison.warnings:
+            typer.echo(f"note: {notice.message}", err=True)
+    _name_failed(found, folder)
+
+
+def _factor(conditions: "Sequence[Condition]", by: str | None) -> str | None:
+    """Return the factor that makes the conditions; None where they are named."""
+    if conditions[0].name is None:
+        return by or "subset"
+    if by is not None:
+        raise InputError(f"--by {by} takes the conditions from one set, and they are named: leave one of both out")
+    return None
+
+
+def _names(conditions: "Sequence[Condition]", by: str | None, out: str | None) -> tuple[str, Path]:
+    """Return the title and the folder of a comparison."""
+    if out is not None and not out.strip():
+        raise InputError("--out is empty: expected a folder for the results")
+    names = [condition.name for condition in conditions if condition.name is not None]
+    if names:
+        title, stem = f"{', '.join(names[1:])} against {names[0]}", "-".join(names)
+    else:
+        stem = Path(conditions[0].paths[0]).resolve().stem.removesuffix("-identify")
+        title = f"{stem} by {by}"
+    plain = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in stem)[:80].strip("-.") or "conditions"
+    return title, Path(f"{plain}-compare") if out is None else Path(out)
+
+
+def _kept_in(conditions: "Sequence[Condition]", folder: Path) -> Path:
+    """Return where measurements are kept: where `identify batch` keeps those of the same set, else in our folder."""
+    from tagsway.sets.conditions import is_measured_set
+
+    if conditions[0].name is None:
+        batch = Path(f"{Path(conditions[0].paths[0]).resolve().stem}-identify")
+        if is_measured_set(batch):
+            return batch
+    return folder
+
+
+def _stated(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _name_failed(found: "Gathered", folder: Path) -> None:
+    table = found.table
+    failed = table[(table["error"] != "") & table["trajectory_time_s"].isna()]
+    for file, reason in list(zip(failed["file"], failed["error"], strict=True))[:MOST_NAMED]:
+        typer.echo(f"failed: {reason if str(file) in reason else f'{file}: {reason}'}", err=True)
+    if len(failed) > MOST_NAMED:
+        typer.echo(f"failed: {len(failed) - MOST_NAMED} more, see {folder / 'comparison.csv'}", err=True)

@@ -1,0 +1,250 @@
+"""A comparison in words and tables: the same for the terminal and the page."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from tagsway.model import Comparison, ConditionSummary, Difference, PickRate, Promise
+
+
+class Quantity(NamedTuple):
+    """What a quantity is called, its unit, and the decimals that are shown."""
+
+    label: str
+    unit: str
+    digits: int
+
+
+QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+    {
+        "motion_time_s": Quantity("motion time", "s", 3),
+        "settling_time_s": Quantity("settling time", "s", 3),
+        "trajectory_time_s": Quantity("trajectory time", "s", 3),
+        "overshoot_percent": Quantity("overshoot", "%", 2),
+        "max_pcp_acceleration_m_s2": Quantity("max. PCP acceleration", "m/s²", 2),
+        "max_pcp_vector_m_s2": Quantity("with gravity", "m/s²", 2),
+        "residual_max_m_s2": Quantity("max. after the move", "m/s²", 2),
+        "residual_rms_m_s2": Quantity("RMS after the move", "m/s²", 3),
+        "place_error_mm": Quantity("off the place after it", "mm", 2),
+        "box_error_mm": Quantity("off the place in the box", "mm", 2),
+    }
+)
+
+RESIDUAL, REDUCTION = "residual vibration (overshoot over the reference's)", "RMS after the move reduced by"
+LEAST_P = 1e-4
+
+
+class Cell(NamedTuple):
+    """A median, and what stands beside it in brackets."""
+
+    value: str
+    remark: str
+
+
+class TableRow(NamedTuple):
+    """A line of the table of medians: what, its unit, a cell for each condition."""
+
+    label: str
+    unit: str
+    cells: tuple[Cell, ...]
+
+
+class DifferenceRow(NamedTuple):
+    """A line of the table of differences."""
+
+    condition: str
+    label: str
+    difference: str
+    interval: str
+    ratio: str
+    p_value: str
+    p_holm: str
+    rank_p_value: str
+    verdict: str
+
+
+def median_rows(comparison: Comparison, group: str) -> list[TableRow]:
+    """Return medians and ± deviations of a group, in the shape of document 1's Tables 8.1, 8.3, 8.4 and 8.6."""
+    told = {(s.quantity, s.condition): s for s in comparison.summaries if s.group == group}
+    rows = []
+    for name, quantity in QUANTITIES.items():
+        own = [told.get((name, condition)) for condition in comparison.conditions]
+        if any(own):
+            cells = tuple(Cell("-", "") if one is None else _median_cell(one, quantity.digits) for one in own)
+            rows.append(TableRow(quantity.label, quantity.unit, cells))
+    for label, name, first in ((RESIDUAL, "overshoot_percent", "100"), (REDUCTION, "residual_rms_m_s2", "")):
+        cells = tuple(
+            _ratio_cell(comparison, group, name, c, reduced=label == REDUCTION) for c in comparison.conditions
+        )
+        if any(cell.value for cell in cells):
+            rows.append(TableRow(label, "%", (Cell(first, ""), *cells[1:])))
+    return rows
+
+
+def counts(comparison: Comparison, group: str) -> list[int]:
+    """Return how many measured moves of a group each condition has."""
+    return [
+        max((s.n for s in comparison.summaries if (s.group, s.condition) == (group, condition)), default=0)
+        for condition in comparison.conditions
+    ]
+
+
+def difference_rows(comparison: Comparison, group: str) -> list[DifferenceRow]:
+    """Return the differences of a group from the reference, in words."""
+    rows = []
+    for found in comparison.differences:
+        if found.group != group:
+            continue
+        quantity, change = QUANTITIES[found.quantity], found.change
+        low, high = change.ci95 or (None, None)
+        ratio = "" if change.ratio_percent is None else f"{change.ratio_percent:.3g}"
+        if change.ratio_ci95 is not None:
+            ratio += f" ({change.ratio_ci95[0]:.3g} to {change.ratio_ci95[1]:.3g})"
+        shown = change.difference if change.difference is not None else change.median_difference
+        rows.append(
+            DifferenceRow(
+                condition=found.condition,
+                label=quantity.label,
+                difference=_signed(shown, quantity),
+                interval="" if low is None or high is None else _range(low, high, quantity.digits),
+                ratio=ratio,
+                p_value=_p_words(change.p_value),
+                p_holm=_p_words(found.p_holm),
+                rank_p_value=_p_words(change.rank_p_value),
+                verdict=_verdict(found),
+            )
+        )
+    return rows
+
+
+def describe_rate(rate: PickRate) -> str:
+    """Return what a condition gains, in words."""
+    where = f"{rate.group}: " if rate.group else ""
+    beside = f" with {rate.other_time_s:g} s of other time in each" if rate.other_time_s > 0 else " by this move alone"
+    if rate.gained is None or rate.per_min is None:
+        return f"{where}picks a minute of {rate.condition}: not known, as some moves never settle"
+    gained = f"{where}{rate.condition} {'gains' if rate.gained >= 0 else 'loses'}"
+    if rate.at_least:
+        return (
+            f"{where}{rate.condition} makes {rate.per_min:.1f} picks a minute{beside}; against {rate.reference}, some "
+            f"of which never settle, that is at least {rate.gained:+.1f}"
+        )
+    interval = "; one measurement tells no error"
+    if rate.ci95 is not None:
+        interval = f" (95 %: {rate.ci95[0]:+.1f} to {rate.ci95[1]:+.1f})"
+    return (
+        f"{gained} {abs(rate.gained):.1f} picks a minute{interval}: {rate.per_min:.1f} instead of "
+        f"{rate.reference_per_min:.1f}{beside}"
+    )
+
+
+def describe_promise(promise: Promise) -> str:
+    """Return what was promised and what was measured, in words."""
+    quantity = QUANTITIES[promise.quantity]
+    where = f"{promise.condition} ({promise.group})" if promise.group else promise.condition
+    measured = "never" if promise.median is None else f"{promise.median:.{quantity.digits}f} {quantity.unit}"
+    if promise.kind == "planned":
+        return (
+            f"{where}, {quantity.label}: planned {promise.promised:.{quantity.digits}f} {quantity.unit}, measured "
+            f"{measured}"
+        )
+    words = f"{where}, {quantity.label}: promised at most {promise.promised:.{quantity.digits}f} {quantity.unit}"
+    share = "" if promise.share is None else f" for {100 * promise.share:g} % of the picks"
+    interval = ""
+    if promise.kept_ci95 is not None:
+        interval = f" (95 %: {100 * promise.kept_ci95[0]:.0f} to {100 * promise.kept_ci95[1]:.0f} % of all)"
+    verdict = {"kept": ": kept", "broken": ": BROKEN", "open": ": neither shown nor broken by so few", None: ""}
+    kept = f"kept by {promise.kept} of {promise.n}{interval}{verdict[promise.verdict]}"
+    return f"{words}{share}; measured {measured}, {kept}"
+
+
+def describe_method(comparison: Comparison) -> str:
+    """Return how the conditions were compared, in words."""
+    return (
+        "Differences are of the means, with Welch's 95 % interval and test; where a move never settled, or nothing "
+        "scatters, of the medians, with the rank test of Mann and Whitney. Ratios are of the means, the reference 100, "
+        f"with Fieller's interval. {comparison.tests} tests were made: p (Holm) is corrected for that, and what is "
+        f"called significant is so at {100 * comparison.level:g} % for all of them together. Times count from the "
+        "start of the tool's motion; settled is within ±2 % of the travel."
+    )
+
+
+def summary_lines(comparison: Comparison) -> list[str]:
+    """Return a comparison for the terminal, a line each."""
+    lines: list[str] = []
+    for group in comparison.groups:
+        rows = median_rows(comparison, group)
+        heads = [f"{name} (n {n})" for name, n in zip(comparison.conditions, counts(comparison, group), strict=True)]
+        body = [[f"{c.value} {c.remark}".strip() for c in row.cells] for row in rows]
+        widths = [max(len(cell) for cell in column) for column in zip(heads, *body, strict=True)]
+        label = max([len(row.label) for row in rows] + [len(group)])
+        lines.append("  ".join([f"{group:<{label + 6}}", *_pad(heads, widths)]).rstrip())
+        for row, cells in zip(rows, body, strict=True):
+            lines.append("  ".join([f"{row.label:<{label}} {row.unit:<5}", *_pad(cells, widths)]).rstrip())
+        lines += ["", *_difference_lines(comparison, group)]
+    lines += [describe_rate(rate) for rate in comparison.rates]
+    lines += [describe_promise(promise) for promise in comparison.promises]
+    if comparison.tests:
+        lines.append(
+            f"medians (± deviation); {comparison.tests} tests, corrected for their number (Holm), at "
+            f"{100 * comparison.level:g} % together"
+        )
+    return lines
+
+
+def _difference_lines(comparison: Comparison, group: str) -> list[str]:
+    lines = []
+    rows = difference_rows(comparison, group)
+    for condition in dict.fromkeys(row.condition for row in rows):
+        lines.append(f"{condition} against {comparison.reference}{f' ({group})' if group else ''}:")
+        for row in rows:
+            if row.condition == condition:
+                interval = f" ({row.interval})" if row.interval else ""
+                p = f", p {row.p_holm}" if row.p_holm else ""
+                lines.append(f"  {row.label}: {row.difference}{interval}{p}: {row.verdict}")
+    return [*lines, ""] if lines else []
+
+
+def _median_cell(one: ConditionSummary, digits: int) -> Cell:
+    value = "never" if one.median is None else f"{one.median:.{digits}f}"
+    remark = "" if one.deviation_percent is None or one.n < 2 else f"(±{one.deviation_percent:.2g} %)"
+    if one.never and one.median is not None:
+        remark = f"({one.never} never)"
+    return Cell(value, "" if one.median is None else remark)
+
+
+def _ratio_cell(comparison: Comparison, group: str, quantity: str, condition: str, *, reduced: bool) -> Cell:
+    for found in comparison.differences:
+        if (found.group, found.quantity, found.condition) == (group, quantity, condition):
+            ratio, ends = found.change.ratio_percent, found.change.ratio_ci95
+            if ratio is None:
+                break
+            turned = [100 - ratio if reduced else ratio]
+            turned += [] if ends is None else sorted(100 - end if reduced else end for end in ends)
+            remark = "" if ends is None else f"({turned[1]:.1f} to {turned[2]:.1f})"
+            return Cell(f"{turned[0]:.1f}", remark)
+    return Cell("", "")
+
+
+def _signed(value: float | None, quantity: Quantity) -> str:
+    return "not known" if value is None else f"{value:+.{quantity.digits}f} {quantity.unit}"
+
+
+def _range(low: float, high: float, digits: int) -> str:
+    return f"95 %: {low:+.{digits}f} to {high:+.{digits}f}"
+
+
+def _p_words(p: float | None) -> str:
+    if p is None:
+        return ""
+    return f"< {LEAST_P:g}" if p < LEAST_P else f"= {p:.2g}"
+
+
+def _verdict(found: Difference) -> str:
+    if found.significant is None:
+        return "not tested, as one measurement is no repeat"
+    return "significant" if found.significant else "not significant"
+
+
+def _pad(cells: list[str], widths: list[int]) -> list[str]:
+    return [f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)]

@@ -1,0 +1,99 @@
+"""What a comparison comes to, as files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tagsway.criteria import SETTLED
+from tagsway.errors import InputError
+from tagsway.files import write_text
+from tagsway.model import AlignedMove, Comparison, ConditionCurves
+from tagsway.report.comparison import plot_indicators, plot_moves, write_comparison_figure
+from tagsway.report.comparison_page import render_comparison
+from tagsway.sets.comparing import PLACE
+from tagsway.sets.comparison import CONDITION, GROUP, QUANTITIES, Sorted, part_of, values_of
+from tagsway.sets.moves import median_move
+from tagsway.sets.output import name_file
+from tagsway.store.comparisons import comparison_document, conditions_table, differences_table
+from tagsway.store.documents import dump
+from tagsway.store.measurements import write_table
+
+TABLES = ("comparison.csv", "conditions.csv", "differences.csv")
+OUTPUTS = (*TABLES, "report.html", "comparison.json")
+
+MOST_LINES = 40
+"""Measurements of a condition that are drawn over each other; the median is of all."""
+
+
+def write_comparison(
+    comparison: Comparison, rows: Sorted, moves: Sequence[AlignedMove | None], out: Path, *, title: str
+) -> None:
+    """Write tables, figures and page of a comparison; comparison.json comes last.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What was found.
+    rows : Sorted
+        The measurements.
+    moves : sequence of AlignedMove or None
+        By the column `place` of the rows.
+    out : Path
+        Made where it is missing; figures of an earlier comparison in it are removed.
+    title : str
+        Of the page.
+    """
+    curves = gather_curves(rows, moves)
+    figures = out / "figures"
+    for stale in [*figures.glob("moves*.png"), figures / "indicators.png"]:
+        stale.unlink(missing_ok=True)
+    leave = ["result", PLACE, *([] if comparison.within else [GROUP])]
+    table = rows.table.drop(columns=leave)
+    first = [CONDITION, *([GROUP] if comparison.within else [])]
+    write_table(out / TABLES[0], table[[*first, *(name for name in table.columns if name not in first)]])
+    write_table(out / TABLES[1], conditions_table(comparison))
+    write_table(out / TABLES[2], differences_table(comparison))
+    for group in comparison.groups:
+        own = [curve for curve in curves if curve.group == group and curve.moves]
+        if own:
+            name = f"moves-{name_file(group)}.png" if group else "moves.png"
+            write_comparison_figure(plot_moves(own, title=f"{title}, {group}" if group else title), figures / name)
+    write_comparison_figure(plot_indicators(curves), figures / "indicators.png")
+    write_text(out / "report.html", render_comparison(comparison, curves, title=title))
+    write_text(out / "comparison.json", dump(comparison_document(comparison)))
+
+
+def check_comparison_outputs(out: Path, inputs: Sequence[Path]) -> None:
+    """Raise an InputError where a comparison would write over one of its inputs, or a folder is in its way."""
+    for name in OUTPUTS:
+        target = out / name
+        if target.is_dir():
+            raise InputError(f"--out {out}: {target} is a folder, where a file is to be; give another folder")
+        for path in inputs:
+            if target.exists() and path.exists() and target.samefile(path):
+                raise InputError(f"--out {out} would write over the input {path}; give another folder")
+
+
+def gather_curves(rows: Sorted, moves: Sequence[AlignedMove | None]) -> tuple[ConditionCurves, ...]:
+    """Return what is drawn of each condition in each group, in their order."""
+    found = []
+    for group in rows.groups:
+        for condition in rows.conditions:
+            part = part_of(rows, group, condition)
+            if not len(part):
+                continue
+            own = [move for place in part[PLACE] if (move := moves[int(place)]) is not None]
+            step = max(1, -(-len(own) // MOST_LINES))
+            travel = part["reference_mm"].median()
+            found.append(
+                ConditionCurves(
+                    group=group,
+                    condition=condition,
+                    moves=tuple(own[::step]),
+                    middle=median_move(own),
+                    band_m=SETTLED * float(travel) / 1e3 if np.isfinite(travel) else 0.0,
+                    points={quantity: values_of(part, quantity) for quantity in QUANTITIES},
+                )
+            )
+    return tuple(found)
