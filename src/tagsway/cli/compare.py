@@ -101,6 +101,8 @@ def compare(
         "picks": picks or None,
     }
     sources = find_sources(conditions, _stated(stated), leave_out=folder)
+    check_factor(sources, wish.by, option="--by", least=2)
+    check_factor(sources, within, option="--within")
     check_comparison_outputs(
         folder, [*(Path(item.path) for _, item in sources.items), *(p for _, p in sources.results)]
     )

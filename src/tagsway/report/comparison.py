@@ -121,7 +121,9 @@ def plot_indicators(curves: Sequence[ConditionCurves]) -> Figure:
     for panel, name in zip(panels, shown, strict=False):
         _draw_points(panel, curves, name, groups, names)
         quantity = QUANTITIES[name]
-        name_panel(panel, None, f"{quantity.label}\n({quantity.unit})", legend=panel is panels[0] and len(groups) > 1)
+        head = "Each measurement, and its condition's median" if panel is panels[0] else None
+        label = f"{quantity.label}\n({quantity.unit})"
+        name_panel(panel, head, label, legend=panel is panels[0] and len(groups) > 1)
     ticks = groups if len(groups) > 1 else [f"{n} (n {_count(curves, n)})" for n in names]
     panels[-1].set_xticks(range(len(ticks)), ticks)
     panels[-1].set_xlim(-0.6, len(ticks) - 0.4)

@@ -30,7 +30,8 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     }
 )
 
-RESIDUAL, REDUCTION = "residual vibration (overshoot over the reference's)", "RMS after the move reduced by"
+RESIDUAL, REDUCTION = "residual vibration", "RMS after the move reduced by"
+"""Overshoot over that of the reference, and how much of the acceleration after the move is gone."""
 LEAST_P = 1e-4
 
 
@@ -52,12 +53,11 @@ class TableRow(NamedTuple):
 class DifferenceRow(NamedTuple):
     """A line of the table of differences."""
 
-    condition: str
     label: str
     difference: str
     interval: str
     ratio: str
-    p_value: str
+    ratio_interval: str
     p_holm: str
     rank_p_value: str
     verdict: str
@@ -89,26 +89,24 @@ def counts(comparison: Comparison, group: str) -> list[int]:
     ]
 
 
-def difference_rows(comparison: Comparison, group: str) -> list[DifferenceRow]:
-    """Return the differences of a group from the reference, in words."""
-    rows = []
+def difference_rows(comparison: Comparison, group: str) -> dict[str, list[DifferenceRow]]:
+    """Return the differences of a group from the reference in words, by condition."""
+    rows: dict[str, list[DifferenceRow]] = {}
     for found in comparison.differences:
         if found.group != group:
             continue
         quantity, change = QUANTITIES[found.quantity], found.change
         low, high = change.ci95 or (None, None)
         ratio = "" if change.ratio_percent is None else f"{change.ratio_percent:.3g}"
-        if change.ratio_ci95 is not None:
-            ratio += f" ({change.ratio_ci95[0]:.3g} to {change.ratio_ci95[1]:.3g})"
+        ends = "" if change.ratio_ci95 is None else f"({change.ratio_ci95[0]:.3g} to {change.ratio_ci95[1]:.3g})"
         shown = change.difference if change.difference is not None else change.median_difference
-        rows.append(
+        rows.setdefault(found.condition, []).append(
             DifferenceRow(
-                condition=found.condition,
                 label=quantity.label,
                 difference=_signed(shown, quantity),
                 interval="" if low is None or high is None else _range(low, high, quantity.digits),
                 ratio=ratio,
-                p_value=_p_words(change.p_value),
+                ratio_interval=ends,
                 p_holm=_p_words(found.p_holm),
                 rank_p_value=_p_words(change.rank_p_value),
                 verdict=_verdict(found),
@@ -186,7 +184,8 @@ def summary_lines(comparison: Comparison) -> list[str]:
     lines += [describe_promise(promise) for promise in comparison.promises]
     if comparison.tests:
         lines.append(
-            f"medians (± deviation); {comparison.tests} tests, corrected for their number (Holm), at "
+            f"medians (± deviation); residual vibration is the overshoot over that of {comparison.reference}; "
+            f"{comparison.tests} tests, corrected for their number (Holm), at "
             f"{100 * comparison.level:g} % together"
         )
     return lines
@@ -194,14 +193,12 @@ def summary_lines(comparison: Comparison) -> list[str]:
 
 def _difference_lines(comparison: Comparison, group: str) -> list[str]:
     lines = []
-    rows = difference_rows(comparison, group)
-    for condition in dict.fromkeys(row.condition for row in rows):
+    for condition, rows in difference_rows(comparison, group).items():
         lines.append(f"{condition} against {comparison.reference}{f' ({group})' if group else ''}:")
         for row in rows:
-            if row.condition == condition:
-                interval = f" ({row.interval})" if row.interval else ""
-                p = f", p {row.p_holm}" if row.p_holm else ""
-                lines.append(f"  {row.label}: {row.difference}{interval}{p}: {row.verdict}")
+            interval = f" (95 %: {row.interval})" if row.interval else ""
+            p = f", p {row.p_holm}" if row.p_holm else ""
+            lines.append(f"  {row.label}: {row.difference}{interval}{p}: {row.verdict}")
     return [*lines, ""] if lines else []
 
 
@@ -231,7 +228,7 @@ def _signed(value: float | None, quantity: Quantity) -> str:
 
 
 def _range(low: float, high: float, digits: int) -> str:
-    return f"95 %: {low:+.{digits}f} to {high:+.{digits}f}"
+    return f"{low:+.{digits}f} to {high:+.{digits}f}"
 
 
 def _p_words(p: float | None) -> str:
@@ -242,7 +239,7 @@ def _p_words(p: float | None) -> str:
 
 def _verdict(found: Difference) -> str:
     if found.significant is None:
-        return "not tested, as one measurement is no repeat"
+        return "not tested"
     return "significant" if found.significant else "not significant"
 
 

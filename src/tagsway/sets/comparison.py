@@ -37,6 +37,9 @@ QUANTITIES = (
 )
 """What is compared: columns of measurements.csv."""
 
+PARTIAL = frozenset({"box_error_mm"})
+"""Of moves that rise above the rim of a box alone: compared where all of them do."""
+
 NEVER = frozenset({MOTION, SETTLING})
 """Where a move that was judged has none, the product did not settle while it was watched."""
 
@@ -196,11 +199,17 @@ def _pairs(rows: Sorted) -> Iterator[tuple[str, str]]:
                 yield group, condition
 
 
+def _told(rows: Sorted) -> tuple[str, ...]:
+    """Return the quantities that the measurements tell."""
+    judged = rows.table[rows.table[TRAJECTORY].notna()]
+    return tuple(name for name in QUANTITIES if name not in PARTIAL or judged[name].notna().all())
+
+
 def _summaries(rows: Sorted) -> Iterator[ConditionSummary]:
     for group in rows.groups:
         for condition in rows.conditions:
             part = part_of(rows, group, condition)
-            for quantity in QUANTITIES:
+            for quantity in _told(rows):
                 values = values_of(part, quantity)
                 seen = values[~np.isnan(values)]
                 if len(seen):
@@ -226,7 +235,7 @@ def _summary(group: str, condition: str, quantity: str, seen: FloatArray) -> Con
 
 def _differences(rows: Sorted) -> Iterator[Difference]:
     for group, condition in _pairs(rows):
-        for quantity in QUANTITIES:
+        for quantity in _told(rows):
             first, other = (values_of(part_of(rows, group, name), quantity) for name in (rows.conditions[0], condition))
             if np.isnan(first).all() or np.isnan(other).all():
                 continue
