@@ -13,7 +13,7 @@ from tagsway.filters import clean_track
 from tagsway.model import AlignedMove
 from tagsway.pipeline import align_result
 from tagsway.sets.batch import Begin, measure_items
-from tagsway.sets.comparison import CONDITION
+from tagsway.sets.comparison import CONDITION, PLACE
 from tagsway.sets.conditions import Sources
 from tagsway.sets.jobs import Outcome, row_of_result
 from tagsway.sets.ledger import Ledger, open_ledger, read_kept
@@ -27,7 +27,7 @@ from tagsway.store.documents import read_result
 from tagsway.store.tables import read_table
 from tagsway.store.tracks import read_track
 
-TRACK, PLACE = "track.csv", "place"
+TRACK = "track.csv"
 NEEDED = "max_pcp_acceleration_m_s2"
 """A column that sets measured by an earlier version do not have."""
 

@@ -21,7 +21,7 @@ from tagsway.repeats import adjust_holm, compare_repeats, rate_gain, summarise_r
 from tagsway.sets.concerns import find_concerns
 from tagsway.sets.tables import FIRST, NUMBERS, TEXTS
 
-CONDITION, GROUP = "condition", "group"
+CONDITION, GROUP, PLACE = "condition", "group", "place"
 MOTION, SETTLING, TRAJECTORY = "motion_time_s", "settling_time_s", "trajectory_time_s"
 QUANTITIES = (
     MOTION,
@@ -107,11 +107,11 @@ def sort_rows(table: pd.DataFrame, wish: Wish, *, named: Sequence[str] = ()) -> 
     InputError
         Where a factor is not there, or does not make two conditions.
     """
-    table = table.copy()
-    if wish.by is not None:
-        table[CONDITION] = _levels(table, wish.by)
-        named = sorted({level for level in table[CONDITION] if level}, key=_plain_first)
-    table[GROUP] = "" if wish.within is None else _levels(table, wish.within)
+    groups = "" if wish.within is None else _levels(table, wish.within)
+    levels = None if wish.by is None else _levels(table, wish.by)
+    table = table.assign(**{GROUP: groups, **({} if levels is None else {CONDITION: levels})})
+    if levels is not None:
+        named = sorted({level for level in levels if level}, key=_plain_first)
     lost = (table[CONDITION] == "") | ((table[GROUP] == "") if wish.within is not None else False)
     table = table[~lost].reset_index(drop=True)
     conditions = [name for name in named if (table[CONDITION] == name).any()]
@@ -122,8 +122,8 @@ def sort_rows(table: pd.DataFrame, wish: Wish, *, named: Sequence[str] = ()) -> 
         if wish.reference not in conditions:
             raise InputError(f"--reference is {wish.reference!r}: expected one of {', '.join(conditions)}")
         conditions = [wish.reference, *(name for name in conditions if name != wish.reference)]
-    groups = sorted(set(table[GROUP]), key=_natural)
-    return Sorted(table=table, conditions=tuple(conditions), groups=tuple(groups), left_out=int(lost.sum()))
+    order = sorted(set(table[GROUP]), key=_natural)
+    return Sorted(table=table, conditions=tuple(conditions), groups=tuple(order), left_out=int(lost.sum()))
 
 
 def compare(rows: Sorted, wish: Wish) -> Comparison:
@@ -307,7 +307,7 @@ def _word(value: object) -> str:
 
 
 def _what_varies(table: pd.DataFrame) -> str:
-    known = {*NUMBERS, *TEXTS, *FIRST, CONDITION, GROUP} - {"subset"}
+    known = {*NUMBERS, *TEXTS, *FIRST, CONDITION, GROUP, PLACE} - {"subset"}
     names = [str(name) for name in table.columns if name not in known and table[name].nunique() > 1]
     return f"what varies: {', '.join(names)} (--by)" if names else "no factor of it varies"
 

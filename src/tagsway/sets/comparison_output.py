@@ -11,8 +11,7 @@ from tagsway.files import write_text
 from tagsway.model import AlignedMove, Comparison, ConditionCurves
 from tagsway.report.comparison import plot_indicators, plot_moves, write_comparison_figure
 from tagsway.report.comparison_page import render_comparison
-from tagsway.sets.comparing import PLACE
-from tagsway.sets.comparison import CONDITION, GROUP, QUANTITIES, Sorted, part_of, values_of
+from tagsway.sets.comparison import CONDITION, GROUP, PLACE, QUANTITIES, Sorted, part_of, values_of
 from tagsway.sets.moves import median_move
 from tagsway.sets.output import name_file
 from tagsway.store.comparisons import comparison_document, conditions_table, differences_table

@@ -63,8 +63,8 @@ def _single(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[st
     alone = [_name(name, group) for group in groups for name in conditions if len(_part(judged, group, name)) == 1]
     if alone:
         message = (
-            f"a single measurement of {_list(alone)}: its difference can be stated, and nothing says whether it would "
-            "come again; film at least two repeats of each, five tell much more"
+            f"a single measurement of {_list(alone)}: one pair alone has no significance, as nothing says whether its "
+            "differences would come again; film at least two repeats of each, five tell much more"
         )
         yield Notice(code="single_pair", message=message)
     for group in groups:

@@ -90,6 +90,8 @@ def read_conditions(words: Sequence[str]) -> tuple[Condition, ...]:
         if (name := _name_of(Path(word))) in named:
             raise InputError(f"two conditions are called {name!r}: give them names, as in before={word}")
         named[name] = [word]
+    if len(named) < 2:
+        raise InputError(f"there is one condition, {next(iter(named), '')!r}: a comparison needs two; name another")
     return tuple(Condition(name=name, paths=tuple(paths)) for name, paths in named.items())
 
 

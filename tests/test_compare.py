@@ -1,0 +1,322 @@
+"""`identify compare`: conditions with known differences, and what must not be claimed."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from compare_cases import SHAPER, judged, repeat, repeats, shaped_scene, track_of, write_measured_set
+from scenes import small_scene
+from tagsway.cli.app import run
+from tagsway.model import Settings
+from tagsway.pipeline import identify, write_measurement
+from tagsway.scene import render_scene
+from tagsway.scene.optics import SceneCamera
+from tagsway.sets.comparison import Wish, compare, sort_rows
+from tagsway.sets.conditions import read_conditions
+from tagsway.sets.moves import median_move, to_move, to_plain_move
+from tagsway.sets.tables import arrange_rows
+from tagsway.store.comparisons import read_comparison
+
+
+@pytest.fixture
+def inside(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def compared(*words: str, out: str = "out") -> dict[str, Any]:
+    assert run(["compare", *words, "--out", out, "--quiet"]) == 0
+    return json.loads(Path(out, "comparison.json").read_text(encoding="utf-8"))
+
+
+def difference(document: dict[str, Any], quantity: str, condition: str = "x", group: str = "") -> dict[str, Any]:
+    (found,) = [
+        d
+        for d in document["differences"]
+        if (d["quantity"], d["condition"], d["group"]) == (quantity, condition, group)
+    ]
+    return found
+
+
+# ---- moves with a known answer
+
+
+def test_the_same_move_begun_at_another_time_and_filmed_at_another_rate_lies_over_itself() -> None:
+    moves, times = [], []
+    for rate, start in ((240.0, 0.15), (100.0, 0.62), (200.0, 0.4)):
+        scene = small_scene(duration_s=2.9)
+        moved = type(scene.tool)(start_s=start, pivot_offset_m=scene.tool.pivot_offset_m)
+        found, move = judged(track_of(small_scene(tool=moved, duration_s=start + 2.4), rate_hz=rate))
+        moves.append(move)
+        times.append(found.trajectory_time_s)
+    assert np.ptp(times) < 0.025  # discretisation: two frames of the slowest, an end each
+    grid = np.linspace(0.05, 2.0, 100)
+    sway = np.array([np.interp(grid, move.time_s, move.sway_m) for move in moves])
+    # discretisation: a frame of the slowest, at the fastest sway of 0.2 m/s
+    assert np.max(np.ptp(sway, axis=0)) < 0.01 * 0.25
+    assert np.max(np.abs(sway)) > 0.01
+    middle = median_move(moves)
+    assert middle is not None
+    np.testing.assert_allclose(np.interp(grid, middle.time_s, middle.sway_m), np.median(sway, axis=0), atol=5e-4)
+
+
+def test_a_move_is_kept_as_plain_numbers_and_gaps() -> None:
+    _, move = judged(track_of(small_scene()))
+    move.sway_m[3] = np.nan
+    plain = json.loads(json.dumps(to_plain_move(move), allow_nan=False))
+    back = to_move(plain)
+    assert back is not None
+    np.testing.assert_allclose(back.beyond_m, move.beyond_m[:: -(-len(move.time_s) // 400)], rtol=1e-5)
+    assert len(back.time_s) <= 400
+    assert to_move(None) is None
+
+
+def test_shaped_against_unshaped_repeats_have_the_known_difference(inside) -> None:
+    rows: list[dict[str, Any]] = []
+    for number in range(3):
+        for name in ("unshaped", "x"):
+            scene = repeat(number if name == "unshaped" else 10 + number)
+            found, move = judged(track_of(shaped_scene(scene) if name == "x" else scene, seed=number))
+            peak = found.max_pcp_acceleration_m_s2.horizontal
+            assert peak is not None
+            rows.append(
+                {
+                    "shaped_axes": name,
+                    "trajectory_time_s": found.trajectory_time_s,
+                    "overshoot_percent": found.overshoot_percent,
+                    "max_pcp_acceleration_m_s2": peak.value,
+                    "watched_s": move.time_s[-1],
+                }
+            )
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped_axes")
+    longer = difference(document, "trajectory_time_s")
+    # discretisation: the tool's motion is longer by the shaper, its ends are found to a frame
+    assert longer["change"]["difference"] == pytest.approx(SHAPER.duration_s, abs=0.01)
+    assert longer["significant"]
+    less = difference(document, "overshoot_percent")
+    assert less["change"]["ratio_percent"] < 40
+    assert less["significant"]
+    assert difference(document, "max_pcp_acceleration_m_s2")["change"]["ci95"][1] < 0
+
+
+# ---- statistics on known numbers
+
+
+def test_medians_and_p_values_are_those_of_the_rows(inside) -> None:
+    rows = repeats({"shaped_axes": "none"}, 1) + repeats({"shaped_axes": "x"}, 2, motion_time_s=-0.1)
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped_axes")
+    assert (document["schema"], document["reference"]) == ("tagsway/comparison/1", "none")
+    table = pd.DataFrame(rows)
+    motion = {name: part["motion_time_s"].to_numpy() for name, part in table.groupby("shaped_axes")}
+    found = difference(document, "motion_time_s")
+    known = stats.ttest_ind(motion["x"], motion["none"], equal_var=False)
+    assert found["change"]["p_value"] == pytest.approx(known.pvalue)
+    assert found["change"]["rank_p_value"] == pytest.approx(
+        stats.mannwhitneyu(motion["x"], motion["none"], method="exact").pvalue
+    )
+    assert found["p_holm"] >= found["change"]["p_value"]
+    assert found["change"]["ci95"][0] < -0.1 < found["change"]["ci95"][1]
+    told = {(s["condition"], s["quantity"]): s for s in document["summaries"]}
+    one = told["x", "motion_time_s"]
+    assert one["median"] == pytest.approx(np.median(motion["x"]))
+    assert one["std"] == pytest.approx(np.std(motion["x"], ddof=1))
+    ends = motion["x"].max(), motion["x"].min()
+    assert one["deviation_percent"] == pytest.approx(100 * (ends[0] - ends[1]) / (ends[0] + ends[1]))
+    (rate,) = document["rates"]
+    assert rate["gained"] == pytest.approx(60 / motion["x"].mean() - 60 / motion["none"].mean())
+    assert rate["ci95"][0] < rate["gained"] < rate["ci95"][1]
+    assert document["tests"] == sum(d["change"]["p_value"] is not None for d in document["differences"])
+
+
+def test_identical_conditions_are_called_different_no_more_often_than_the_level() -> None:
+    claims, plain = 0, {"status": "ok", "error": None, "subset": "s", "watched_s": 2.5, "warnings": None}
+    for seed in range(25):
+        rows = repeats({"shaped": "no", **plain}, 100 + seed) + repeats({"shaped": "yes", **plain}, 200 + seed)
+        wish = Wish(by="shaped")
+        found = compare(sort_rows(arrange_rows([{"file": f"{n}", **row} for n, row in enumerate(rows)]), wish), wish)
+        claims += any(difference.significant for difference in found.differences)
+    assert claims <= 4  # statistics: 5 % of 25 comparisons, each as a whole, and 2.5 of its errors
+
+
+def test_one_pair_has_differences_and_no_significance_and_says_so(inside, capsys) -> None:
+    rows = repeats({"shaped": "no"}, 1, n=1) + repeats({"shaped": "yes"}, 2, n=1, motion_time_s=-0.3)
+    folder = str(write_measured_set(inside / "m", rows))
+    assert run(["compare", folder, "--by", "shaped"]) == 0
+    printed = capsys.readouterr()
+    assert "not tested" in printed.out
+    assert "no significance" in printed.err
+    document = json.loads((inside / "m-compare" / "comparison.json").read_text(encoding="utf-8"))
+    found = difference(document, "motion_time_s", "yes")
+    assert found["change"]["difference"] < -0.2
+    for name in ("p_value", "ci95", "rank_p_value", "test"):
+        assert found["change"][name] is None
+    assert (found["p_holm"], found["significant"], document["tests"]) == (None, None, 0)
+    assert document["rates"][0]["ci95"] is None
+    assert "single_pair" in {notice["code"] for notice in document["warnings"]}
+
+
+def test_a_reference_that_never_settles_is_the_longest_and_bounds_what_is_gained(inside) -> None:
+    never = {"shaped": "no", "motion_time_s": None, "settling_time_s": None}
+    rows = [{**row, **never} for row in repeats({}, 1, n=5)] + repeats({"shaped": "yes"}, 2, n=5)
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped")
+    found = difference(document, "motion_time_s", "yes")
+    assert found["change"]["test"] == "mann-whitney"
+    assert found["change"]["p_value"] == pytest.approx(2 / 252)  # identity
+    told = {(s["condition"], s["quantity"]): s for s in document["summaries"]}
+    assert (told["no", "motion_time_s"]["median"], told["no", "motion_time_s"]["never"]) == (None, 5)
+    (rate,) = document["rates"]
+    mean = np.mean([row["motion_time_s"] for row in rows[5:]])
+    assert rate["at_least"]
+    assert rate["gained"] == pytest.approx(60 / mean - 60 / 2.5)  # they were watched for 2.5 s
+    assert "never_settles" in {notice["code"] for notice in document["warnings"]}
+
+
+def test_each_acceleration_is_compared_for_itself(inside) -> None:
+    rows = []
+    for number, acceleration in enumerate((2.5, 10.0, 5.0)):
+        common = {"max_acceleration_m_s2": acceleration}
+        rows += repeats({**common, "shaped_axes": "none"}, number)
+        rows += repeats({**common, "shaped_axes": "x"}, 50 + number, overshoot_percent=-0.3 * acceleration)
+    words = [str(write_measured_set(inside / "m", rows)), "--by", "shaped_axes", "--within", "max_acceleration_m_s2"]
+    document = compared(*words)
+    assert document["groups"] == ["2.5", "5", "10"]
+    for group in document["groups"]:
+        found = difference(document, "overshoot_percent", group=group)
+        assert found["change"]["difference"] == pytest.approx(-0.3 * float(group), abs=0.25)  # statistics: 4 errors
+    assert (inside / "out" / "figures" / "moves-5.png").exists() is False  # such a set keeps no moves
+    assert (inside / "out" / "figures" / "indicators.png").exists()
+
+
+def test_what_makes_a_comparison_unfair_is_said(inside) -> None:
+    other = {"shaped": "yes", "reference_mm": 350.0, "bandwidth_hz": 12.0, "watched_s": 1.4, "warnings": "peel_off"}
+    rows = repeats({"shaped": "no"}, 1) + [{**row, **other} for row in repeats({}, 2)]
+    rows.append({"shaped": "yes", "status": "failed", "error": "r.mp4 is empty", "trajectory_time_s": None})
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped")
+    codes = {notice["code"] for notice in document["warnings"]}
+    assert {"moves_differ", "bandwidth_differs", "watched_differs", "grip_lost", "measurements_missing"} <= codes
+
+
+# ---- promises
+
+
+DESIGN = {
+    "schema": "tagsway/design/1",
+    "limits": {"placement_window_mm": 5.0, "pcp_acceleration_m_s2": 5.0, "share": 0.95},
+    "chosen": {"name": "zv", "shaped_axes": ["x"], "motion_time_s": 0.91, "max_acceleration_m_s2": 5.0},
+}
+
+
+def test_what_a_design_promised_is_held_against_what_was_measured(inside) -> None:
+    few = {"place_error_mm": 3.0}
+    rows = repeats({"shaped_axes": "none"}, 1) + [{**row, **few} for row in repeats({"shaped_axes": "x"}, 2, n=6)]
+    folder = write_measured_set(inside / "m", rows)
+    (inside / "design").mkdir()
+    (inside / "design" / "design.json").write_text(json.dumps(DESIGN))
+    document = compared(str(folder), "--by", "shaped_axes", "--design", "design")
+    told = {promise["quantity"]: promise for promise in document["promises"]}
+    assert {promise["condition"] for promise in document["promises"]} == {"x"}
+    planned = told["trajectory_time_s"]
+    assert (planned["kind"], planned["promised"], planned["kept"]) == ("planned", 0.91, None)
+    place = told["place_error_mm"]
+    assert (place["kept"], place["n"], place["verdict"]) == (6, 6, "open")  # six of six do not show 95 %
+    assert place["kept_ci95"] == pytest.approx([0.025 ** (1 / 6), 1.0])
+    assert told["max_pcp_acceleration_m_s2"]["verdict"] == "broken"
+    assert run(["compare", str(folder), "--by", "shaped_axes", "--design", "none=nowhere.json"]) == 2
+    assert run(["compare", str(folder), "--by", "shaped_axes", "--design", "y=design"]) == 2
+
+
+def test_a_simulation_promises_for_each_shaping_what_it_found(inside) -> None:
+    move = Path(__file__).parents[1] / "sample_data" / "move.toml"
+    words = ["--frequency", "2.4727", "--damping", "0.02", "--out", "sim", "--json"]
+    assert run(["simulate", "--move", str(move), *words]) == 0
+    rows = repeats({"shaped_axes": "none"}, 1) + repeats({"shaped_axes": "x"}, 2)
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped_axes", "--design", "sim")
+    simulated = {row["shaping"]: row for row in json.loads((inside / "sim" / "simulation.json").read_text())["rows"]}
+    for promise in document["promises"]:
+        row = simulated["unshaped" if promise["condition"] == "none" else "x"]
+        if promise["quantity"] == "overshoot_percent":
+            assert promise["promised"] == row["overshoot_percent"]
+    assert {promise["condition"] for promise in document["promises"]} == {"none", "x"}
+
+
+# ---- words and errors
+
+
+def test_words_are_read_as_conditions(inside) -> None:
+    (inside / "a=b.csv").touch()
+    named = read_conditions(["u=a/*.mp4", "x=b.mp4", "c.mp4", "u=d.mp4", "a=b.csv"])
+    assert [(c.name, c.paths) for c in named] == [("u", ("a/*.mp4", "d.mp4", "a=b.csv")), ("x", ("b.mp4", "c.mp4"))]
+    assert [c.name for c in read_conditions(["before.mp4", "runs/after-identify"])] == ["before", "after"]
+    assert read_conditions(["set"])[0].name is None
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (["u=none.mp4", "x=none.csv"], 2, "none.mp4"),
+        (["u=*.mp4", "x=m"], 2, "matches nothing"),
+        (["u=m"], 2, "needs two"),
+        (["m", "--by", "nothing"], 2, "shaped"),
+        (["m", "--by", "shaped", "--within", "nothing"], 2, "shaped"),
+        (["m", "--by", "shaped", "--reference", "z"], 2, "yes"),
+        (["u=m", "x=m"], 2, "m"),
+        (["u=m", "x=m", "--by", "shaped"], 2, "--by"),
+        (["m", "--by", "gripper"], 2, "none of its 1 files"),
+        (["m", "--by", "cup"], 3, "--tag-size"),
+        (["m", "--by", "shaped", "--other-time", "-1"], 2, "--other-time"),
+    ],
+)
+def test_what_cannot_be_compared_ends_with_one_line(inside, capsys, words, code, told) -> None:
+    common = {"gripper": "a", "cup": "a"}
+    rows = repeats({"shaped": "no", **common}, 1) + repeats({"shaped": "yes", **common}, 2)
+    no_move = {"trajectory_time_s": None, "motion_time_s": None, "shaped": "yes"}
+    rows.append({**no_move, "gripper": "b", "cup": "a", "status": "failed", "error": "broken.mp4 is no video"})
+    rows.append({**no_move, "gripper": "a", "cup": "b"})
+    write_measured_set(inside / "m", rows)
+    assert run(["compare", *words]) == code
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: ")
+    assert printed.err.count("\n") == 1
+    assert told in printed.err
+    assert not list(inside.glob("*-compare"))
+
+
+# ---- the whole way
+
+
+@pytest.mark.slow
+def test_films_and_results_are_compared_from_end_to_end_and_nothing_is_measured_twice(inside, capsys) -> None:
+    camera = SceneCamera(width=512, height=224, distance_m=1.5, focal_px=1750.0)
+    unshaped = small_scene(camera=camera, duration_s=1.9)
+    render_scene(unshaped, inside / "before.mp4")
+    truth = render_scene(shaped_scene(unshaped, rest_s=0.7), inside / "after.mp4")
+    settings = Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03)
+    write_measurement(identify(inside / "before.mp4", settings), inside / "before-identify")
+    words = ["compare", "unshaped=before-identify", "x=after.mp4", "--tag-size", "30", "--workers", "1", "--json"]
+    assert run(words) == 0
+    printed = json.loads(capsys.readouterr().out)
+    out = inside / "unshaped-x-compare"
+    assert printed == json.loads((out / "comparison.json").read_text(encoding="utf-8"))
+    assert read_comparison(out / "comparison.json").conditions == ("unshaped", "x")
+    found = difference(printed, "trajectory_time_s")
+    # discretisation: the clean track spreads a sudden stop over half its response, 1/(2·20 Hz)
+    assert found["change"]["difference"] == pytest.approx(SHAPER.duration_s, abs=0.025)
+    assert found["significant"] is None
+    rows = pd.read_csv(out / "comparison.csv")
+    assert list(rows["condition"]) == ["unshaped", "x"]
+    moved = truth.move_s[1] - truth.move_s[0]
+    assert rows["trajectory_time_s"][1] == pytest.approx(moved, abs=0.025)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file() and path.name != "attempts.jsonl"}
+    attempts = (out / "attempts.jsonl").read_text()
+    assert run([*words[:-1], "--quiet"]) == 0
+    assert (out / "attempts.jsonl").read_text() == attempts
+    assert before == {p: p.read_bytes() for p in out.rglob("*") if p.is_file() and p.name != "attempts.jsonl"}
+    assert {"moves.png", "indicators.png"} == {path.name for path in (out / "figures").iterdir()}
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "http://" not in page.split("<script")[0]
+    assert "x against unshaped" in page
