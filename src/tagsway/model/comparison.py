@@ -198,9 +198,9 @@ class ConditionCurves:
     group, condition : str
         Which.
     moves : tuple of AlignedMove
-        Some of its measurements over each other.
+        Of its measurements, or of some where there are many.
     middle : AlignedMove or None
-        The median of all of them at each time; None where there is one.
+        Their median at each time; None of a single one.
     band_m : float
         Half the band that counts as settled.
     points : dict of ndarray

@@ -101,13 +101,15 @@ def plot_moves(curves: Sequence[ConditionCurves], *, title: str) -> Figure:
     return figure
 
 
-def plot_indicators(curves: Sequence[ConditionCurves]) -> Figure:
+def plot_indicators(curves: Sequence[ConditionCurves], *, over: str | None = None) -> Figure:
     """Draw each measurement's indicators by condition, and over the groups where there are several.
 
     Parameters
     ----------
     curves : sequence of ConditionCurves
         Of all groups.
+    over : str, optional
+        What the groups are levels of.
 
     Returns
     -------
@@ -126,6 +128,7 @@ def plot_indicators(curves: Sequence[ConditionCurves]) -> Figure:
         name_panel(panel, head, label, legend=panel is panels[0] and len(groups) > 1)
     ticks = groups if len(groups) > 1 else [f"{n} (n {_count(curves, n)})" for n in names]
     panels[-1].set_xticks(range(len(ticks)), ticks)
+    panels[-1].set_xlabel(over or "")
     panels[-1].set_xlim(-0.6, len(ticks) - 0.4)
     return figure
 

@@ -12,6 +12,7 @@ from tagsway.report.comparison_words import (
     describe_rate,
     difference_rows,
     median_rows,
+    overview_rows,
 )
 from tagsway.report.page import render_template
 
@@ -49,6 +50,7 @@ def render_comparison(comparison: Comparison, curves: Sequence[ConditionCurves],
         title=title,
         comparison=comparison,
         parts=parts,
+        overview=overview_rows(comparison) if len(comparison.groups) > 1 else [],
         rates=[describe_rate(rate) for rate in comparison.rates],
         promises=[describe_promise(promise) for promise in comparison.promises],
         method=describe_method(comparison),

@@ -1,6 +1,7 @@
 """A comparison in words and tables: the same for the terminal and the page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import comb
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -32,6 +33,11 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
 
 RESIDUAL, REDUCTION = "residual vibration", "RMS after the move reduced by"
 """Overshoot over that of the reference, and how much of the acceleration after the move is gone."""
+UNIT_WIDTH = 6
+
+OVERVIEW = ("motion_time_s", "max_pcp_acceleration_m_s2", "overshoot_percent", "residual_rms_m_s2")
+"""What is shown over the groups."""
+
 LEAST_P = 1e-4
 
 
@@ -81,6 +87,25 @@ def median_rows(comparison: Comparison, group: str) -> list[TableRow]:
     return rows
 
 
+def overview_rows(comparison: Comparison) -> list[TableRow]:
+    """Return medians over the groups, all conditions in a cell, in the shape of document 1's Tables 8.3 and 8.4.
+
+    A star stands where a condition surely differs from the reference.
+    """
+    told = {(s.quantity, s.group, s.condition): s for s in comparison.summaries}
+    sure = {(d.quantity, d.group, d.condition) for d in comparison.differences if d.significant}
+    rows = []
+    for name in OVERVIEW:
+        quantity, cells = QUANTITIES[name], []
+        for group in comparison.groups:
+            keys = [(name, group, condition) for condition in comparison.conditions]
+            medians = [_median_cell(told[key], quantity.digits).value if key in told else "-" for key in keys]
+            stars = ["*" if key in sure else "" for key in keys]
+            cells.append(Cell(" / ".join(f"{m}{star}" for m, star in zip(medians, stars, strict=True)), ""))
+        rows.append(TableRow(quantity.label, quantity.unit, tuple(cells)))
+    return rows
+
+
 def counts(comparison: Comparison, group: str) -> list[int]:
     """Return how many measured moves of a group each condition has."""
     return [
@@ -109,7 +134,7 @@ def difference_rows(comparison: Comparison, group: str) -> dict[str, list[Differ
                 ratio_interval=ends,
                 p_holm=_p_words(found.p_holm),
                 rank_p_value=_p_words(change.rank_p_value),
-                verdict=_verdict(found),
+                verdict=_verdict(found, comparison.level),
             )
         )
     return rows
@@ -170,25 +195,33 @@ def describe_method(comparison: Comparison) -> str:
 def summary_lines(comparison: Comparison) -> list[str]:
     """Return a comparison for the terminal, a line each."""
     lines: list[str] = []
-    for group in comparison.groups:
-        rows = median_rows(comparison, group)
+    if len(comparison.groups) > 1:
+        lines += _table_lines(comparison.within or "", comparison.groups, overview_rows(comparison))
+        lines += [f"{' / '.join(comparison.conditions)}; * significantly different from {comparison.reference}", ""]
+    else:
+        (group,) = comparison.groups
         heads = [f"{name} (n {n})" for name, n in zip(comparison.conditions, counts(comparison, group), strict=True)]
-        body = [[f"{c.value} {c.remark}".strip() for c in row.cells] for row in rows]
-        widths = [max(len(cell) for cell in column) for column in zip(heads, *body, strict=True)]
-        label = max([len(row.label) for row in rows] + [len(group)])
-        lines.append("  ".join([f"{group:<{label + 6}}", *_pad(heads, widths)]).rstrip())
-        for row, cells in zip(rows, body, strict=True):
-            lines.append("  ".join([f"{row.label:<{label}} {row.unit:<5}", *_pad(cells, widths)]).rstrip())
+        lines += _table_lines(group, heads, median_rows(comparison, group))
         lines += ["", *_difference_lines(comparison, group)]
     lines += [describe_rate(rate) for rate in comparison.rates]
     lines += [describe_promise(promise) for promise in comparison.promises]
     if comparison.tests:
+        ratio = f"; residual vibration is the overshoot over that of {comparison.reference}"
+        words = "medians" if len(comparison.groups) > 1 else f"medians (± deviation){ratio}"
         lines.append(
-            f"medians (± deviation); residual vibration is the overshoot over that of {comparison.reference}; "
-            f"{comparison.tests} tests, corrected for their number (Holm), at "
+            f"{words}; {comparison.tests} tests, corrected for their number (Holm), at "
             f"{100 * comparison.level:g} % together"
         )
     return lines
+
+
+def _table_lines(corner: str, heads: Sequence[str], rows: Sequence[TableRow]) -> list[str]:
+    body = [[f"{cell.value} {cell.remark}".strip() for cell in row.cells] for row in rows]
+    widths = [max(len(cell) for cell in column) for column in zip(heads, *body, strict=True)]
+    label = max([len(row.label) for row in rows] + [len(corner) - UNIT_WIDTH])
+    firsts = [f"{corner:<{label + UNIT_WIDTH}}", *(f"{row.label:<{label}} {row.unit:<5}" for row in rows)]
+    lines = zip(firsts, [heads, *body], strict=True)
+    return ["  ".join([first, *_pad(cells, widths)]).rstrip() for first, cells in lines]
 
 
 def _difference_lines(comparison: Comparison, group: str) -> list[str]:
@@ -237,11 +270,14 @@ def _p_words(p: float | None) -> str:
     return f"< {LEAST_P:g}" if p < LEAST_P else f"= {p:.2g}"
 
 
-def _verdict(found: Difference) -> str:
+def _verdict(found: Difference, level: float) -> str:
+    change = found.change
     if found.significant is None:
         return "not tested"
+    if change.test == "mann-whitney" and not 2 / comb(change.n + change.n_reference, change.n) < level:
+        return "too few repeats to tell by ranks"
     return "significant" if found.significant else "not significant"
 
 
-def _pad(cells: list[str], widths: list[int]) -> list[str]:
+def _pad(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
     return [f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)]

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,7 @@ from tagsway.sets.batch import Begin, measure_items
 from tagsway.sets.comparison import CONDITION, PLACE
 from tagsway.sets.conditions import Sources
 from tagsway.sets.jobs import Outcome, row_of_result
-from tagsway.sets.ledger import Ledger, open_ledger, read_kept
-from tagsway.sets.manifest import Item
+from tagsway.sets.ledger import open_ledger, read_kept
 from tagsway.sets.moves import to_move
 from tagsway.sets.options import inside
 from tagsway.sets.output import MEASUREMENTS
@@ -32,6 +32,10 @@ NEEDED = "max_pcp_acceleration_m_s2"
 """A column that sets measured by an earlier version do not have."""
 
 
+MoveLoader = Callable[[], AlignedMove | None]
+"""Reads a move once it is drawn: a set has more than anybody can draw, or keep in memory."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gathered:
     """The measurements of all conditions.
@@ -40,12 +44,12 @@ class Gathered:
     ----------
     table : DataFrame
         A row a measurement: those of measurements.csv, `condition` where it was named, and `place` in `moves`.
-    moves : tuple of AlignedMove or None
-        Of each measurement; None where it shows none.
+    moves : tuple of callable
+        Gives the move of each measurement; None where it shows none.
     """
 
     table: pd.DataFrame
-    moves: tuple[AlignedMove | None, ...]
+    moves: tuple[MoveLoader, ...]
 
 
 def gather(
@@ -77,23 +81,25 @@ def gather(
         Where what was measured cannot be read.
     """
     rows: list[dict[str, Any]] = []
-    moves: list[AlignedMove | None] = []
+    moves: list[MoveLoader] = []
 
-    def add(condition: str | None, row: Mapping[str, Any], move: AlignedMove | None) -> None:
+    def add(condition: str | None, row: Mapping[str, Any], move: MoveLoader) -> None:
         rows.append({**row, **({} if condition is None else {CONDITION: condition})})
         moves.append(move)
 
     for condition, path in sources.results:
-        add(condition, *_read_single(path))
+        single, move = _read_single(path)
+        add(condition, single, partial(_same, move))
     for condition, folder in sources.sets:
-        for row, move in _read_set(folder):
-            add(condition, row, move)
+        for row in _read_set(folder):
+            add(condition, row, partial(_load_move, folder, row["result"], row["pick"]))
     if sources.items:
         with open_ledger(out) as ledger:
             measure_items([item for _, item in sources.items], ledger, hired, begin=begin, report=report)
             for condition, item in sources.items:
-                for row, move in _read_item(item, ledger):
-                    add(condition, row, move)
+                for row in ledger.rows(item):
+                    own = {"file": item.name, "subset": item.subset, **dict(item.factors), **row}
+                    add(condition, own, partial(_load_move, out, row.get("result"), row.get("pick")))
     if not rows:
         raise InputError("there is nothing to compare: no measurement was found")
     table = arrange_rows(rows)
@@ -111,33 +117,28 @@ def _read_single(path: Path) -> tuple[dict[str, Any], AlignedMove | None]:
     return {"file": path.as_posix(), "subset": "", "error": error, **row_of_result(result, move)}, move
 
 
-def _read_item(item: Item, ledger: Ledger) -> Iterator[tuple[dict[str, Any], AlignedMove | None]]:
-    """Give the rows of a file, and its moves."""
-    kept = ledger.kept(item)
-    for number, row in enumerate(ledger.rows(item)):
-        own = {"file": item.name, "subset": item.subset, **dict(item.factors), **row}
-        yield own, to_move(kept[number].get("move")) if number < len(kept) else None
-
-
-def _read_set(folder: Path) -> Iterator[tuple[dict[str, Any], AlignedMove | None]]:
-    """Give the rows of a measured set, and the moves that it keeps."""
+def _read_set(folder: Path) -> Iterator[dict[str, Any]]:
+    """Give the rows of a measured set."""
     table = read_table(folder / MEASUREMENTS, expected="the measurements.csv of a measured set")
-    for name in ("file", "result", "status", NEEDED):
+    for name in ("file", "pick", "result", "status", NEEDED):
         if name not in table:
             raise InputError(
                 f"{folder / MEASUREMENTS} has no column {name!r}: an earlier version measured it; measure it again, by "
                 "the same identify batch (nothing is tracked again)"
             )
-    kept: list[dict[str, Any]] = []
-    place = None
     for row in table.to_dict("records"):
-        if row["result"] != place and isinstance(row["result"], str):
-            place = row["result"]
-            kept = read_kept(inside(folder / place, folder, origin=str(folder / MEASUREMENTS)))
-        number = 0 if pd.isna(row["pick"]) else int(row["pick"]) - 1
-        known = isinstance(row["result"], str) and number < len(kept)
-        own = {str(name): None if pd.isna(value) else value for name, value in row.items()}
-        yield (
-            {**own, "file": f"{folder.as_posix()}/{row['file']}"},
-            to_move(kept[number].get("move")) if known else None,
-        )
+        told = {str(name): None if pd.isna(value) else value for name, value in row.items()}
+        yield {**told, "file": f"{folder.as_posix()}/{row['file']}"}
+
+
+def _load_move(folder: Path, result: str | None, pick: float | None) -> AlignedMove | None:
+    """Return the move that a set keeps of a measurement."""
+    if result is None:
+        return None
+    kept = read_kept(inside(folder / result, folder, origin=str(folder / MEASUREMENTS)))
+    number = 0 if pick is None else int(pick) - 1
+    return to_move(kept[number].get("move")) if number < len(kept) else None
+
+
+def _same(move: AlignedMove | None) -> AlignedMove | None:
+    return move

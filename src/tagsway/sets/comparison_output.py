@@ -8,9 +8,10 @@ import numpy as np
 from tagsway.criteria import SETTLED
 from tagsway.errors import InputError
 from tagsway.files import write_text
-from tagsway.model import AlignedMove, Comparison, ConditionCurves
+from tagsway.model import Comparison, ConditionCurves
 from tagsway.report.comparison import plot_indicators, plot_moves, write_comparison_figure
 from tagsway.report.comparison_page import render_comparison
+from tagsway.sets.comparing import MoveLoader
 from tagsway.sets.comparison import CONDITION, GROUP, PLACE, QUANTITIES, Sorted, part_of, values_of
 from tagsway.sets.moves import median_move
 from tagsway.sets.output import name_file
@@ -22,11 +23,11 @@ TABLES = ("comparison.csv", "conditions.csv", "differences.csv")
 OUTPUTS = (*TABLES, "report.html", "comparison.json")
 
 MOST_LINES = 40
-"""Measurements of a condition that are drawn over each other; the median is of all."""
+"""Measurements of a condition that are drawn over each other, and their median."""
 
 
 def write_comparison(
-    comparison: Comparison, rows: Sorted, moves: Sequence[AlignedMove | None], out: Path, *, title: str
+    comparison: Comparison, rows: Sorted, moves: Sequence[MoveLoader], out: Path, *, title: str
 ) -> None:
     """Write tables, figures and page of a comparison; comparison.json comes last.
 
@@ -36,7 +37,7 @@ def write_comparison(
         What was found.
     rows : Sorted
         The measurements.
-    moves : sequence of AlignedMove or None
+    moves : sequence of callable
         By the column `place` of the rows.
     out : Path
         Made where it is missing; figures of an earlier comparison in it are removed.
@@ -58,7 +59,7 @@ def write_comparison(
         if own:
             name = f"moves-{name_file(group)}.png" if group else "moves.png"
             write_comparison_figure(plot_moves(own, title=f"{title}, {group}" if group else title), figures / name)
-    write_comparison_figure(plot_indicators(curves), figures / "indicators.png")
+    write_comparison_figure(plot_indicators(curves, over=comparison.within), figures / "indicators.png")
     write_text(out / "report.html", render_comparison(comparison, curves, title=title))
     write_text(out / "comparison.json", dump(comparison_document(comparison)))
 
@@ -74,7 +75,7 @@ def check_comparison_outputs(out: Path, inputs: Sequence[Path]) -> None:
                 raise InputError(f"--out {out} would write over the input {path}; give another folder")
 
 
-def gather_curves(rows: Sorted, moves: Sequence[AlignedMove | None]) -> tuple[ConditionCurves, ...]:
+def gather_curves(rows: Sorted, moves: Sequence[MoveLoader]) -> tuple[ConditionCurves, ...]:
     """Return what is drawn of each condition in each group, in their order."""
     found = []
     for group in rows.groups:
@@ -82,14 +83,15 @@ def gather_curves(rows: Sorted, moves: Sequence[AlignedMove | None]) -> tuple[Co
             part = part_of(rows, group, condition)
             if not len(part):
                 continue
-            own = [move for place in part[PLACE] if (move := moves[int(place)]) is not None]
-            step = max(1, -(-len(own) // MOST_LINES))
+            places = part[PLACE].to_numpy(dtype=int)
+            drawn = places[:: -(-len(places) // MOST_LINES)]
+            own = [move for place in drawn if (move := moves[place]()) is not None]
             travel = part["reference_mm"].median()
             found.append(
                 ConditionCurves(
                     group=group,
                     condition=condition,
-                    moves=tuple(own[::step]),
+                    moves=tuple(own),
                     middle=median_move(own),
                     band_m=SETTLED * float(travel) / 1e3 if np.isfinite(travel) else 0.0,
                     points={quantity: values_of(part, quantity) for quantity in QUANTITIES},
