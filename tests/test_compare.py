@@ -188,6 +188,11 @@ def test_each_acceleration_is_compared_for_itself(inside) -> None:
     for group in document["groups"]:
         found = difference(document, "overshoot_percent", group=group)
         assert found["change"]["difference"] == pytest.approx(-0.3 * float(group), abs=0.25)  # statistics: 4 errors
+    # at 10 m/s² x overshoots by 1 %, less than the reference anywhere, and all motion times are about one second
+    for exchange in document["exchanges"]:
+        assert exchange["motion_time_s"] <= exchange["reference_motion_time_s"]
+        assert exchange["overshoot_percent"] <= exchange["reference_overshoot_percent"]
+    assert len(document["exchanges"]) > 0
     assert (inside / "out" / "figures" / "moves-5.png").exists() is False  # such a set keeps no moves
     assert (inside / "out" / "figures" / "indicators.png").exists()
 

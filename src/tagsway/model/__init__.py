@@ -16,6 +16,7 @@ from tagsway.model.comparison import (
     ConditionCurves,
     ConditionSummary,
     Difference,
+    Exchange,
     PickRate,
     Promise,
 )
@@ -115,6 +116,7 @@ __all__ = [
     "EstimatorResult",
     "Event",
     "EventKind",
+    "Exchange",
     "Excitation",
     "ExcitationCurve",
     "FloatArray",

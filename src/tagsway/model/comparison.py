@@ -149,6 +149,34 @@ class Promise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange:
+    """A condition in one group that is no slower and overshoots no more than the reference in another, by medians.
+
+    Parameters
+    ----------
+    reference_group, condition, group : str
+        The reference's group, and what can take its place: of those that can, the quickest.
+    reference_motion_time_s, motion_time_s : float or None
+        Medians; None for a reference that never settles.
+    reference_overshoot_percent, overshoot_percent : float
+        Medians.
+    gentler : bool
+        Whether it does not accelerate the product more, either.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    reference_group: str
+    condition: str
+    group: str
+    reference_motion_time_s: float | None
+    motion_time_s: float
+    reference_overshoot_percent: float
+    overshoot_percent: float
+    gentler: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
     """Conditions beside each other; what comparison.json holds.
 
@@ -166,7 +194,7 @@ class Comparison:
         Of significance, for all tests together.
     tests : int
         How many there were.
-    summaries, differences, rates, promises : tuple
+    summaries, differences, rates, exchanges, promises : tuple
         What was found.
     warnings : tuple of Notice
         What to know about it.
@@ -185,6 +213,7 @@ class Comparison:
     summaries: tuple[ConditionSummary, ...]
     differences: tuple[Difference, ...]
     rates: tuple[PickRate, ...]
+    exchanges: tuple[Exchange, ...]
     promises: tuple[Promise, ...]
     warnings: tuple[Notice, ...]
 

@@ -7,6 +7,7 @@ from tagsway.model import Comparison, ConditionCurves
 from tagsway.report.comparison import chart_moves
 from tagsway.report.comparison_words import (
     counts,
+    describe_exchange,
     describe_method,
     describe_promise,
     describe_rate,
@@ -51,8 +52,11 @@ def render_comparison(comparison: Comparison, curves: Sequence[ConditionCurves],
         comparison=comparison,
         parts=parts,
         overview=overview_rows(comparison) if len(comparison.groups) > 1 else [],
-        rates=[describe_rate(rate) for rate in comparison.rates],
-        promises=[describe_promise(promise) for promise in comparison.promises],
+        sentences=[
+            *(describe_rate(rate) for rate in comparison.rates),
+            *(describe_exchange(exchange, comparison.reference) for exchange in comparison.exchanges),
+            *(describe_promise(promise) for promise in comparison.promises),
+        ],
         method=describe_method(comparison),
     )
 

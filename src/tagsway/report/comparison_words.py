@@ -5,7 +5,7 @@ from math import comb
 from types import MappingProxyType
 from typing import NamedTuple
 
-from tagsway.model import Comparison, ConditionSummary, Difference, PickRate, Promise
+from tagsway.model import Comparison, ConditionSummary, Difference, Exchange, PickRate, Promise
 
 
 class Quantity(NamedTuple):
@@ -161,6 +161,18 @@ def describe_rate(rate: PickRate) -> str:
     )
 
 
+def describe_exchange(exchange: Exchange, reference: str) -> str:
+    """Return what a faster move of another condition can take the place of, in words."""
+    slow = exchange.reference_motion_time_s
+    before = "never settles" if slow is None else f"{slow:.3f} s"
+    harder = "" if exchange.gentler else ", though it accelerates the product more"
+    return (
+        f"no slower than {reference} at {exchange.reference_group} ({before}, overshoot "
+        f"{exchange.reference_overshoot_percent:.2f} %): {exchange.condition} at {exchange.group} "
+        f"({exchange.motion_time_s:.3f} s, {exchange.overshoot_percent:.2f} %), by the medians{harder}"
+    )
+
+
 def describe_promise(promise: Promise) -> str:
     """Return what was promised and what was measured, in words."""
     quantity = QUANTITIES[promise.quantity]
@@ -204,6 +216,7 @@ def summary_lines(comparison: Comparison) -> list[str]:
         lines += _table_lines(group, heads, median_rows(comparison, group))
         lines += ["", *_difference_lines(comparison, group)]
     lines += [describe_rate(rate) for rate in comparison.rates]
+    lines += [describe_exchange(exchange, comparison.reference) for exchange in comparison.exchanges]
     lines += [describe_promise(promise) for promise in comparison.promises]
     if comparison.tests:
         ratio = f"; residual vibration is the overshoot over that of {comparison.reference}"

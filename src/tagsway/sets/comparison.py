@@ -19,6 +19,7 @@ from tagsway.model import (
 )
 from tagsway.repeats import adjust_holm, compare_repeats, rate_gain, summarise_repeats
 from tagsway.sets.concerns import find_concerns
+from tagsway.sets.exchanges import find_exchanges
 from tagsway.sets.tables import FIRST, NUMBERS, TEXTS
 
 CONDITION, GROUP, PLACE = "condition", "group", "place"
@@ -123,6 +124,8 @@ def sort_rows(table: pd.DataFrame, wish: Wish, *, named: Sequence[str] = ()) -> 
             raise InputError(f"--reference is {wish.reference!r}: expected one of {', '.join(conditions)}")
         conditions = [wish.reference, *(name for name in conditions if name != wish.reference)]
     order = sorted(set(table[GROUP]), key=_natural)
+    ranks = table[GROUP].map(order.index), table[CONDITION].map(conditions.index)
+    table = table.iloc[np.lexsort((ranks[1], ranks[0]))].reset_index(drop=True)
     return Sorted(table=table, conditions=tuple(conditions), groups=tuple(order), left_out=int(lost.sum()))
 
 
@@ -151,7 +154,7 @@ def compare(rows: Sorted, wish: Wish) -> Comparison:
     for name in rows.conditions:
         _require_moves(rows.table[rows.table[CONDITION] == name], name)
     reference = rows.conditions[0]
-    differences = list(_differences(rows))
+    differences, summaries = list(_differences(rows)), tuple(_summaries(rows))
     p_values = [np.nan if d.change.p_value is None else d.change.p_value for d in differences]
     adjusted = adjust_holm(np.array(p_values, dtype=float))
     held = [
@@ -171,9 +174,10 @@ def compare(rows: Sorted, wish: Wish) -> Comparison:
         groups=rows.groups,
         level=LEVEL,
         tests=int(np.isfinite(p_values).sum()),
-        summaries=tuple(_summaries(rows)),
+        summaries=summaries,
         differences=tuple(held),
         rates=tuple(_rates(rows, wish)),
+        exchanges=find_exchanges(summaries, rows.conditions, rows.groups),
         promises=(),
         warnings=notices,
     )
@@ -295,7 +299,7 @@ def _first(reasons: Sequence[str]) -> str:
 
 
 def _levels(table: pd.DataFrame, factor: str) -> list[str]:
-    if factor not in table or factor in {*NUMBERS, *TEXTS} - {"status"}:
+    if factor not in table or factor in {*NUMBERS, *TEXTS}:
         raise InputError(f"there is no factor {factor!r}; {_what_varies(table)}")
     return [_word(value) for value in table[factor]]
 

@@ -1,0 +1,65 @@
+"""What a faster, shaped move can take the place of: the question of document 1's section 8.2."""
+
+from collections.abc import Sequence
+
+from tagsway.model import ConditionSummary, Exchange
+
+MOTION, OVERSHOOT, LOAD = "motion_time_s", "overshoot_percent", "max_pcp_acceleration_m_s2"
+
+
+def find_exchanges(
+    summaries: Sequence[ConditionSummary], conditions: Sequence[str], groups: Sequence[str]
+) -> tuple[Exchange, ...]:
+    """Find, for the reference in each group, the quickest of each other condition that overshoots no more.
+
+    Parameters
+    ----------
+    summaries : sequence of ConditionSummary
+        Of all groups.
+    conditions, groups : sequence of str
+        The first condition is the reference.
+
+    Returns
+    -------
+    tuple of Exchange
+        Empty for a single group. By the medians alone: whether a difference is significant, only a comparison within
+        one group says.
+    """
+    told = {(s.group, s.condition, s.quantity): s for s in summaries}
+
+    def median(group: str, condition: str, quantity: str) -> float | None:
+        found = told.get((group, condition, quantity))
+        return None if found is None else found.median
+
+    found = []
+    for place in groups if len(groups) > 1 else ():
+        before = {name: median(place, conditions[0], name) for name in (MOTION, OVERSHOOT, LOAD)}
+        slow, swing, load = before[MOTION], before[OVERSHOOT], before[LOAD]
+        if swing is None:
+            continue
+        for condition in conditions[1:]:
+            able = [
+                (motion, group, overshoot)
+                for group in groups
+                if (motion := median(group, condition, MOTION)) is not None
+                and (overshoot := median(group, condition, OVERSHOOT)) is not None
+                and overshoot <= swing
+                and (slow is None or motion <= slow)
+            ]
+            if not able:
+                continue
+            motion, group, overshoot = min(able, key=lambda each: each[0])
+            pushed = median(group, condition, LOAD)
+            found.append(
+                Exchange(
+                    reference_group=place,
+                    condition=condition,
+                    group=group,
+                    reference_motion_time_s=slow,
+                    motion_time_s=motion,
+                    reference_overshoot_percent=swing,
+                    overshoot_percent=overshoot,
+                    gentler=load is not None and pushed is not None and pushed <= load,
+                )
+            )
+    return tuple(found)
