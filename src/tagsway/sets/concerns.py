@@ -24,6 +24,9 @@ LOST = frozenset({"peel_off", "product_lost", "grip_slip"})
 SUSPECT = ("overshoot_percent", "max_pcp_acceleration_m_s2", "residual_rms_m_s2")
 """In which an outlier is looked for; times come in whole frames, and so in heaps."""
 
+LEAST_FOR_SUSPECT = 5
+"""Of fewer repeats, two that happen to agree make any other an outlier."""
+
 MOST_SUSPECTS = 5
 
 
@@ -160,6 +163,7 @@ def _suspects(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[
     """Name what generalised ESD takes for an outlier, once in twenty comparisons by chance; nothing is left out."""
     found = []
     parts = [_part(judged, group, name) for group in groups for name in conditions]
+    parts = [part for part in parts if len(part) >= LEAST_FOR_SUSPECT]
     level = 0.05 / max(1, len(parts) * len(SUSPECT))
     for part in parts:
         for column in SUSPECT:

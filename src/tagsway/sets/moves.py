@@ -39,10 +39,10 @@ def to_move(plain: dict[str, Any] | None) -> AlignedMove | None:
 
 
 def median_move(moves: Sequence[AlignedMove]) -> AlignedMove | None:
-    """Return the median of some moves at each time, as far as half of them were watched; None for fewer than two."""
+    """Return the median of some moves at each time, as far as all of them were watched; None for fewer than two."""
     if len(moves) < 2:
         return None
-    end = float(np.median([move.time_s[-1] for move in moves]))
+    end = min(float(move.time_s[-1]) for move in moves)
     time = np.linspace(0, end, MOST_DRAWN)
 
     def middle(name: str) -> FloatArray:
