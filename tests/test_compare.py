@@ -12,12 +12,13 @@ from scipy import stats
 from compare_cases import SHAPER, judged, repeat, repeats, shaped_scene, track_of, write_measured_set
 from scenes import small_scene
 from tagsway.cli.app import run
-from tagsway.model import Settings
-from tagsway.pipeline import identify, write_measurement
+from tagsway.indicators import find_watched
+from tagsway.model import Estimate, Event, Settings
+from tagsway.pipeline import aligned_move, identify, write_measurement
 from tagsway.scene import render_scene
-from tagsway.scene.optics import SceneCamera
+from tagsway.scene.optics import SceneCamera, VideoFormat
 from tagsway.sets.comparison import Wish, compare, sort_rows
-from tagsway.sets.conditions import read_conditions
+from tagsway.sets.conditions import find_sources, read_conditions
 from tagsway.sets.moves import median_move, to_move, to_plain_move
 from tagsway.sets.tables import arrange_rows
 from tagsway.store.comparisons import read_comparison
@@ -63,6 +64,26 @@ def test_the_same_move_begun_at_another_time_and_filmed_at_another_rate_lies_ove
     middle = median_move(moves)
     assert middle is not None
     np.testing.assert_allclose(np.interp(grid, middle.time_s, middle.sway_m), np.median(sway, axis=0), atol=5e-4)
+
+
+def test_a_move_that_leaves_nothing_swinging_is_judged_all_the_same(inside) -> None:
+    time, rng = np.arange(500) / 200, np.random.default_rng(0)
+    x = 350 * (1 - np.cos(np.pi * np.clip((time - 0.3) / 0.8, 0, 1)))
+    noise = 0.02 * rng.normal(size=(4, len(time)))
+    columns = np.array([time, x + noise[0], noise[1], x + noise[2], noise[3] - 50]).T
+    names = "time_s,tcp_x_mm,tcp_z_mm,pcp_x_mm,pcp_z_mm"
+    np.savetxt(inside / "still.csv", columns, delimiter=",", header=names, comments="", fmt="%.5f")
+    measured = identify(inside / "still.csv", Settings())
+    assert measured.result.status == "not_determined"
+    found = measured.result.indicators
+    assert found is not None
+    assert found.motion_time_s == pytest.approx(0.8, abs=0.01)  # discretisation: a frame an end
+    assert found.place_error_m < 1e-4
+    move = aligned_move(measured)
+    assert move is not None
+    assert move.time_s[-1] == pytest.approx(2.2, abs=0.015)
+    lost = Event(kind="product_lost", time_s=Estimate.normal(1.9, 0.01))
+    assert find_watched(measured.clean, events=[lost]).end_s == 1.9
 
 
 def test_a_move_is_kept_as_plain_numbers_and_gaps() -> None:
@@ -260,6 +281,18 @@ def test_words_are_read_as_conditions(inside) -> None:
     assert read_conditions(["set"])[0].name is None
 
 
+def test_a_pattern_means_films_tracks_and_results_and_not_what_lies_beside_a_result(inside) -> None:
+    for name in ("a/r.mp4", "a/t.csv", "a/notes.md", "a-identify/result.json", "a-identify/track.csv"):
+        (inside / name).parent.mkdir(exist_ok=True)
+        (inside / name).touch()
+    sources = find_sources(read_conditions(["u=a/*", "x=*-identify/*"]), {})
+    assert [item.name for _, item in sources.items] == ["a/r.mp4", "a/t.csv"]
+    assert [path.as_posix() for _, path in sources.results] == ["a-identify/result.json"]
+    folders = find_sources(read_conditions(["u=a", "x=a-identify"]), {})
+    assert [item.path for _, item in folders.items] == [item.path for _, item in sources.items]
+    assert folders.results == sources.results
+
+
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
@@ -297,7 +330,8 @@ def test_what_cannot_be_compared_ends_with_one_line(inside, capsys, words, code,
 @pytest.mark.slow
 def test_films_and_results_are_compared_from_end_to_end_and_nothing_is_measured_twice(inside, capsys) -> None:
     camera = SceneCamera(width=512, height=224, distance_m=1.5, focal_px=1750.0)
-    unshaped = small_scene(camera=camera, duration_s=1.9)
+    video = VideoFormat(fps_hz=120.0, quality=14.0)
+    unshaped = small_scene(camera=camera, video=video, duration_s=1.9)
     render_scene(unshaped, inside / "before.mp4")
     truth = render_scene(shaped_scene(unshaped, rest_s=0.7), inside / "after.mp4")
     settings = Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03)

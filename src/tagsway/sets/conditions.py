@@ -197,6 +197,8 @@ def _expand(text: str, condition: str | None) -> list[str]:
 def _is_meant(path: Path) -> bool:
     if path.is_dir():
         return is_measured_set(path) or _result_of(path) is not None
+    if path.suffix.lower() in TRACKS and (path.parent / RESULT).exists():
+        return False  # the tables beside a result are its own
     return path.suffix.lower() in MEASURABLE or path.name == RESULT
 
 
