@@ -58,6 +58,7 @@ def compare(
     sway_axis: Annotated[
         str | None, typer.Option(help="Axis of the sway: x, z, or degrees.", show_default="found")
     ] = None,
+    columns: Annotated[str | None, typer.Option(help="Columns of tracks: T,X[,Z].")] = None,
     picks: Annotated[bool, typer.Option("--picks", help="Each move in a file is a measurement.")] = False,
     workers: Annotated[int | None, typer.Option(help="Processes, each on one core.", show_default="the cores")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print comparison.json instead of the tables.")] = False,
@@ -74,7 +75,7 @@ def compare(
     from tagsway.sets.comparison import compare as compare_rows
     from tagsway.sets.comparison_output import check_comparison_outputs, write_comparison
     from tagsway.sets.conditions import check_factor, find_sources, read_conditions
-    from tagsway.sets.promises import judge_promises
+    from tagsway.sets.promises import judge_promises, read_promises
     from tagsway.store.comparisons import comparison_document
     from tagsway.store.documents import dump
 
@@ -84,6 +85,9 @@ def compare(
         raise InputError(f"--other-time is {other_time:g}: expected seconds of a pick beside the move, 0 or more")
     conditions = read_conditions(words)
     wish = Wish(by=_factor(conditions, by), within=within, reference=reference, other_time_s=other_time)
+    if reference is not None and wish.by is None and reference not in {each.name for each in conditions}:
+        raise InputError(f"--reference is {reference!r}: expected one of {', '.join(str(c.name) for c in conditions)}")
+    promised = read_promises(design or [])
     title, folder = _names(conditions, wish.by, out)
     check_writable(folder)
     stated = {
@@ -98,6 +102,7 @@ def compare(
         "camera": None if camera is None else str(camera.resolve()),
         "up": up,
         "sway_axis": sway_axis,
+        "columns": columns,
         "picks": picks or None,
     }
     sources = find_sources(conditions, _stated(stated), leave_out=folder)
@@ -111,7 +116,7 @@ def compare(
         found = gather(sources, _kept_in(conditions, folder), lambda: hire(count, None), begin=begin, report=report)
     rows = sort_rows(found.table, wish, named=[condition.name or "" for condition in conditions])
     comparison = compare_rows(rows, wish)
-    comparison = replace(comparison, promises=judge_promises(design or [], rows, within=within))
+    comparison = replace(comparison, promises=judge_promises(promised, rows, within=within))
     write_comparison(comparison, rows, found.moves, folder, title=title)
     if json:
         typer.echo(dump(comparison_document(comparison)), nl=False)

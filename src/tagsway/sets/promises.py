@@ -43,13 +43,58 @@ class _Said:
     share: float | None = None
 
 
-def judge_promises(texts: Sequence[str], rows: Sorted, *, within: str | None) -> tuple[Promise, ...]:
-    """Hold what was promised against what was measured.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """What a design.json or a simulation.json says.
+
+    Parameters
+    ----------
+    text : str
+        As it was asked for: PATH or CONDITION=PATH.
+    condition : str or None
+        Of which it is said; None where its own words tell.
+    source : str
+        The file's name.
+    said : tuple
+        Values and limits.
+    """
+
+    text: str
+    condition: str | None
+    source: str
+    said: tuple[_Said, ...]
+
+
+def read_promises(texts: Sequence[str]) -> tuple[Document, ...]:
+    """Read what was promised.
 
     Parameters
     ----------
     texts : sequence of str
         Each PATH or CONDITION=PATH: a design.json or a simulation.json, or the folder of one.
+
+    Raises
+    ------
+    InputError
+        Where a file is neither.
+    """
+    found = []
+    for text in texts:
+        name, sign, named = text.partition("=")
+        whole = not sign or Path(text).exists()
+        path = _file(Path(text if whole else named))
+        condition = None if whole else name
+        found.append(Document(text=text, condition=condition, source=path.name, said=tuple(_read(path))))
+    return tuple(found)
+
+
+def judge_promises(documents: Sequence[Document], rows: Sorted, *, within: str | None) -> tuple[Promise, ...]:
+    """Hold what was promised against what was measured.
+
+    Parameters
+    ----------
+    documents : sequence of Document
+        What was promised.
     rows : Sorted
         The measurements.
     within : str, optional
@@ -62,16 +107,20 @@ def judge_promises(texts: Sequence[str], rows: Sorted, *, within: str | None) ->
     Raises
     ------
     InputError
-        Where a file says nothing that was measured, or does not tell of which condition.
+        Where one says nothing that was measured, or of no condition that there is.
     """
     found: list[Promise] = []
-    for text in texts:
-        name, path = _split(text, rows.conditions)
-        new = list(_judge(list(_read(path)), name, rows, source=path.name, within=within))
+    for document in documents:
+        name = document.condition
+        if name is not None and name not in rows.conditions:
+            raise InputError(
+                f"--design {document.text}: there is no condition {name!r}, but {', '.join(rows.conditions)}"
+            )
+        new = list(_judge(document.said, name, rows, source=document.source, within=within))
         if not new:
             raise InputError(
-                f"--design {text}: it says nothing of a condition that was measured; name the condition, as in "
-                f"--design {rows.conditions[-1]}={path}"
+                f"--design {document.text}: it says nothing of a condition that was measured; name the condition, as "
+                f"in --design {rows.conditions[-1]}=PATH"
             )
         found += new
     return tuple(found)
@@ -132,15 +181,6 @@ def _match(shapings: Sequence[str], name: str | None, conditions: Sequence[str])
 def _alike(shaping: str, condition: str) -> bool:
     plain = "-".join(re.split(r"[,+\s_-]+", condition.strip().lower()))
     return plain in PLAIN if shaping == "unshaped" else plain == shaping
-
-
-def _split(text: str, conditions: Sequence[str]) -> tuple[str | None, Path]:
-    name, sign, path = text.partition("=")
-    if not sign or Path(text).exists():
-        return None, _file(Path(text))
-    if name not in conditions:
-        raise InputError(f"--design {text}: there is no condition {name!r}, but {', '.join(conditions)}")
-    return name, _file(Path(path))
 
 
 def _file(path: Path) -> Path:
