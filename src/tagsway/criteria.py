@@ -116,7 +116,7 @@ def judge_move(
         vector_m_s2=largest(vector),
         residual_max_m_s2=largest(after),
         residual_rms_m_s2=_root_mean_square(time_s, after, later),
-        box_error_m=_box_error(tcp_m[:, 1], away[:, 1], sideways, rim_m),
+        box_error_m=find_box_error(tcp_m[:, 1], away[:, 1], sideways, rim_m=rim_m),
         place_error_m=largest(np.where(time_s >= end_s, sideways, np.nan)),
     )
 
@@ -149,8 +149,18 @@ def largest(values: FloatArray) -> FloatArray:
     return np.asarray(np.fmax.reduce(values, axis=0))
 
 
-def _box_error(tool_up: FloatArray, above_end: FloatArray, sideways: FloatArray, rim_m: float) -> FloatArray:
-    """Return the largest |x - x_end| below the rim, after the tool was highest for the last time."""
+def find_box_error(
+    tool_up: FloatArray, above_end: FloatArray, sideways: FloatArray, *, rim_m: float = RIM_M
+) -> FloatArray:
+    """Return the largest |x - x_end| below the rim, after the tool was highest for the last time, shape (…).
+
+    Parameters
+    ----------
+    tool_up, above_end, sideways : ndarray, shape (n, …)
+        Height of the tool, of the product above its resting place, and |x - x_end| of the product.
+    rim_m : float
+        Above the resting place.
+    """
     rounding = 1e-9
     top: BoolArray = np.asarray(tool_up >= largest(tool_up) - rounding, dtype=bool)
     descending = _index(above_end) > _last_true(top)

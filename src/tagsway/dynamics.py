@@ -50,7 +50,8 @@ class LightBody:
     """A second body so light that the pendulum does not feel it; each an array of shape (m,).
 
     Its way y beside the point of the pendulum that carries it, at R from the pivot, obeys
-    y'' + 2 ζ ω_n y' + ω_n² y = -gain (X + R sin q)''.
+    y'' + 2 ζ ω_n y' + ω_n² y = -gain (X + R sin q)'', or, with the momentum p = y' + gain (X + R sin q)',
+    p' = -2 ζ ω_n y' - ω_n² y.
 
     Parameters
     ----------
@@ -142,6 +143,66 @@ def simulate_sway(
         p = p + step / 6 * (p1 + 2 * (p2 + p3) + p4)
         angles[i + 1], momenta[i + 1] = q, p
     return angles, momenta - push[::2, 0] * np.cos(angles) - push[::2, 1] * np.sin(angles)
+
+
+def simulate_carried(
+    body: LightBody,
+    time_s: FloatArray,
+    pivot_velocity_m_s: FloatArray,
+    angle_rad: FloatArray,
+    rate_rad_s: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Simulate a light second body on m pendulums whose sway is known, hanging at rest at the first node.
+
+    Parameters
+    ----------
+    body : LightBody
+        m of them.
+    time_s : ndarray, shape (n,)
+        Nodes, rising.
+    pivot_velocity_m_s : ndarray, shape (2 n - 1, 1) or (2 n - 1, m)
+        X' at the nodes and half-way between them, alternating.
+    angle_rad, rate_rad_s : ndarray, shape (n, m)
+        q and q' at the nodes, of `simulate_sway`.
+
+    Returns
+    -------
+    place_m, rate_m_s : ndarray, shape (n, m)
+        y and y' at the nodes.
+
+    Notes
+    -----
+    The momentum form needs the pivot's velocity alone, as `simulate_sway` does. Half-way between the nodes q is that of
+    the cubic through both ends, which keeps the fourth order.
+    """
+    step = np.diff(time_s)
+    span = step[:, None]
+    q, turn = angle_rad, rate_rad_s
+    middle = (q[1:] + q[:-1]) / 2 + span / 8 * (turn[:-1] - turn[1:])
+    middle_turn = 1.5 * (q[1:] - q[:-1]) / span - (turn[1:] + turn[:-1]) / 4
+    push = np.repeat(pivot_velocity_m_s, q.shape[1] // pivot_velocity_m_s.shape[1], axis=1)
+    push[::2] += body.carried_at_m * turn * np.cos(q)
+    push[1::2] += body.carried_at_m * middle_turn * np.cos(middle)
+    push *= body.gain
+    square = body.angular_frequency_rad_s**2
+    damping = 2 * body.damping_ratio * body.angular_frequency_rad_s
+    y, p = np.zeros(q.shape[1]), push[0].copy()
+    places, momenta = np.empty_like(q), np.empty_like(q)
+    places[0], momenta[0] = y, p
+    for i, h in enumerate(step.tolist()):
+        start, halfway, end = push[2 * i], push[2 * i + 1], push[2 * i + 2]
+        y1 = p - start
+        p1 = -damping * y1 - square * y
+        y2 = p + h / 2 * p1 - halfway
+        p2 = -damping * y2 - square * (y + h / 2 * y1)
+        y3 = p + h / 2 * p2 - halfway
+        p3 = -damping * y3 - square * (y + h / 2 * y2)
+        y4 = p + h * p3 - end
+        p4 = -damping * y4 - square * (y + h * y3)
+        y = y + h / 6 * (y1 + 2 * (y2 + y3) + y4)
+        p = p + h / 6 * (p1 + 2 * (p2 + p3) + p4)
+        places[i + 1], momenta[i + 1] = y, p
+    return places, momenta - push[::2]
 
 
 def simulate_planned(

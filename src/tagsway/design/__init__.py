@@ -5,11 +5,22 @@ shaper on every axis at every acceleration and says which to take; `optimise_mov
 `retune_shaper` corrects a shaper by what a second video shows that it left.
 """
 
-from tagsway.design.advice import Advice, BeyondBand, CheckedOptimum, DesignTask, describe, design_move, design_shapers
+from tagsway.design.advice import (
+    Advice,
+    BeyondBand,
+    CheckedOptimum,
+    DesignTask,
+    describe,
+    design_move,
+    design_shapers,
+    draw_settings,
+    find_candidates,
+)
 from tagsway.design.limits import DesignLimits, read_limits
 from tagsway.design.motion import Outcome, simulate_motion
 from tagsway.design.optimise import OptimisedMove, optimise_move
 from tagsway.design.payload import (
+    FurtherMode,
     Payloads,
     PayloadSpread,
     corner_payloads,
@@ -28,6 +39,7 @@ __all__ = [
     "CheckedOptimum",
     "DesignLimits",
     "DesignTask",
+    "FurtherMode",
     "OptimisedMove",
     "OptimiserSettings",
     "Outcome",
@@ -42,6 +54,8 @@ __all__ = [
     "design_move",
     "design_shapers",
     "draw_payloads",
+    "draw_settings",
+    "find_candidates",
     "make_payloads",
     "optimise_move",
     "read_limits",

@@ -14,15 +14,12 @@ from tagsway.design.planning import PlannedCandidate, ShapedAxes, find_peaks
 from tagsway.design.search import Candidate, SearchSettings, Verdict, find_broken, judge, search_candidate
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import DesignMode, FloatArray, Mode, Move, Notice, Shaper, Spread, Trajectory
-from tagsway.shapers import SHAPER_TYPES, Band, design_multimode, design_shaper, residual_vibration
+from tagsway.shapers import SHAPER_TYPES, Band, design_multimode, design_shaper
 
 SCANNED = 128
 """Payloads of the scan, spread evenly."""
 
 NORMAL_95 = 1.96
-
-FURTHER_RESIDUAL = 0.05
-"""V that a further mode may keep."""
 
 BEYOND_PERCENT = 30.0
 """How far from the design's frequency the evidence looks."""
@@ -39,11 +36,12 @@ class DesignTask:
     moves : tuple of Move
         One for each place point, the same but for `to_m`.
     modes : tuple of DesignMode
-        Of the payload at the operating amplitude, the first the one that sways; a shaper is designed for all of them.
+        Of the payload at the operating amplitude, the first the one that sways; shapers are designed for the first
+        alone, and for all of them.
     band_percent : tuple of float
-        By how much the frequency of each mode may be off, on either side.
+        By how much the frequency of each mode may be off, on either side: each mode's shaper follows its own.
     payload : PayloadSpread
-        The first mode's payloads.
+        How the first mode varies, and as many further ones as there are.
     limits : DesignLimits
         To keep.
     kinds : tuple of str
@@ -62,6 +60,14 @@ class DesignTask:
     kinds: tuple[str, ...] = SHAPER_TYPES
     accelerations_m_s2: FloatArray | None = None
     checked: int = 1000
+
+    def __post_init__(self) -> None:
+        counts = {len(self.modes), len(self.band_percent), 1 + len(self.payload.further)}
+        if not (self.moves and len(counts) == 1):
+            raise InputError(
+                f"{len(self.moves)} moves, {len(self.modes)} modes, {len(self.band_percent)} bands and a payload of "
+                f"{1 + len(self.payload.further)} modes: expected a move, and as many bands and modes as modes"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,29 +155,8 @@ def design_move(
     -----
     The motion time is that of the tool: what the product still does after it is held by the placement window.
     """
-    settings = SearchSettings(
-        rough=corner_payloads(task.payload, frequencies=7, dampings=2, shares=(0.95, 0.95)),
-        scanned=sample_payloads(task.payload, SCANNED, rng=rng),
-        checked=draw_payloads(task.payload, task.checked, rng=rng),
-    )
-    shapers, notices = design_shapers(task)
-    jobs: list[tuple[Shaper | None, ShapedAxes]] = [(None, ())]
-    jobs += [(shaper, axes) for shaper in shapers for axes in _axes_of(task.moves[0])]
-    candidates: list[Candidate] = []
-    for done, (shaper, axes) in enumerate(jobs):
-        try:
-            found = search_candidate(
-                task.moves, shaper, axes, task.limits, settings, accelerations_m_s2=task.accelerations_m_s2
-            )
-        except InputError as fault:
-            name = "unshaped" if shaper is None else f"{shaper.type} on {','.join(axes)}"
-            notices.append(Notice(code="no_such_candidate", message=f"{name}: {fault}"))
-        else:
-            candidates.append(_with_further_modes(found, task))
-        if progress is not None:
-            progress(done + 1, len(jobs))
-    if not candidates:
-        raise InputError(notices[-1].message)
+    settings = draw_settings(task, rng=rng)
+    candidates, notices = find_candidates(task, settings, progress=progress)
     ranked = tuple(sorted(candidates, key=lambda c: (not c.legal, c.motion_time_s)))
     chosen = ranked[0]
     if not chosen.legal:
@@ -190,57 +175,81 @@ def design_move(
     )
 
 
+def draw_settings(task: DesignTask, *, rng: np.random.Generator) -> SearchSettings:
+    """Draw the payloads that candidates are judged with."""
+    return SearchSettings(
+        rough=corner_payloads(task.payload, frequencies=7, dampings=2, shares=(0.95, 0.95)),
+        scanned=sample_payloads(task.payload, SCANNED, rng=rng),
+        checked=draw_payloads(task.payload, task.checked, rng=rng),
+    )
+
+
+def find_candidates(
+    task: DesignTask, settings: SearchSettings, *, progress: Report | None = None
+) -> tuple[list[Candidate], list[Notice]]:
+    """Return the unshaped move and every shaper on its axes, each at its quickest, and what could not be planned."""
+    shapers, notices = design_shapers(task)
+    jobs: list[tuple[Shaper | None, ShapedAxes]] = [(None, ())]
+    jobs += [(shaper, axes) for shaper in shapers for axes in _axes_of(task.moves[0])]
+    candidates: list[Candidate] = []
+    for done, (shaper, axes) in enumerate(jobs):
+        try:
+            found = search_candidate(
+                task.moves, shaper, axes, task.limits, settings, accelerations_m_s2=task.accelerations_m_s2
+            )
+        except InputError as fault:
+            name = "unshaped" if shaper is None else f"{shaper.type} on {','.join(axes)}"
+            notices.append(Notice(code="no_such_candidate", message=f"{name}: {fault}"))
+        else:
+            candidates.append(found)
+        if progress is not None:
+            progress(done + 1, len(jobs))
+    if not candidates:
+        raise InputError(notices[-1].message)
+    return candidates, notices
+
+
 def design_shapers(task: DesignTask) -> tuple[list[Shaper], list[Notice]]:
-    """Return one shaper of every kind; of several modes the further ones follow their own bands."""
-    first, band = task.modes[0], task.band_percent[0]
-    spread = Spread(source=task.payload.source, natural_frequency_std_percent=band / NORMAL_95, n=task.payload.n)
+    """Return one shaper of every kind for the first mode; where there are more modes, one for all of them beside it.
+
+    The further modes of the latter take what their own bands ask for, a ZV in a narrow one: a further mode that moves
+    the product little is cheaper left alone, and only the simulation knows.
+    """
+    spread = Spread(
+        source=task.payload.source, natural_frequency_std_percent=task.band_percent[0] / NORMAL_95, n=task.payload.n
+    )
     shapers, notices = [], []
     for kind in task.kinds:
-        try:
-            if len(task.modes) == 1:
-                mode = Mode(natural_frequency_hz=first.frequency_hz, damping_ratio=first.damping_ratio)
-                shaper = design_shaper(
-                    kind, first, spread=spread, band=Band.around(mode, percent=band), source=task.payload.source
-                )
-            else:
-                shaper = _for_several(kind, task)
-        except InputError as fault:
-            notices.append(Notice(code="no_such_shaper", message=f"{kind}: {fault}"))
-        else:
-            shapers.append(shaper)
+        for design in (_for_first, _for_all) if len(task.modes) > 1 else (_for_first,):
+            try:
+                shapers.append(design(kind, task, spread))
+            except InputError as fault:
+                notices.append(Notice(code="no_such_shaper", message=f"{kind}: {fault}"))
     return shapers, notices
 
 
-def _for_several(kind: str, task: DesignTask) -> Shaper:
+def _for_first(kind: str, task: DesignTask, spread: Spread) -> Shaper:
+    first = task.modes[0]
+    mode = Mode(natural_frequency_hz=first.frequency_hz, damping_ratio=first.damping_ratio)
+    band = Band.around(mode, percent=task.band_percent[0])
+    return design_shaper(kind, first, spread=spread, band=band, source=task.payload.source)
+
+
+def _for_all(kind: str, task: DesignTask, spread: Spread) -> Shaper:
     further = design_multimode(None, task.modes[1:], band_percent=task.band_percent[1:])
+    own = [replace(spread, natural_frequency_std_percent=band / NORMAL_95) for band in task.band_percent]
     return design_multimode(
-        [kind, *further.type.split("-")], task.modes, band_percent=task.band_percent, source=task.payload.source
+        [kind, *further.type.split("-")],
+        task.modes,
+        band_percent=task.band_percent,
+        spreads=own,
+        source=task.payload.source,
     )
 
 
 def _axes_of(move: Move) -> tuple[ShapedAxes, ...]:
     rises = move.profile != "bang-bang" or move.from_m[2] != move.to_m[2]
     return (("x",), ("x", "z")) if rises else (("x",),)
-
-
-def _with_further_modes(candidate: Candidate, task: DesignTask) -> Candidate:
-    """Hold the modes beyond the first, which are not simulated, against V; an unshaped move leaves them all."""
-    if not candidate.legal:
-        return candidate
-    for mode, band in zip(task.modes[1:], task.band_percent[1:], strict=True):
-        left = 1.0
-        if candidate.shaper is not None:
-            sides = (1 - band / 100, 1.0, 1 + band / 100)
-            left = max(
-                residual_vibration(
-                    candidate.shaper,
-                    Mode(natural_frequency_hz=mode.frequency_hz * side, damping_ratio=mode.damping_ratio),
-                )
-                for side in sides
-            )
-        if left > FURTHER_RESIDUAL + 1e-6:
-            return replace(candidate, verdict=replace(candidate.verdict, broken="further_modes"))
-    return candidate
 
 
 def _why_nothing(candidates: Sequence[Candidate], limits: DesignLimits) -> str:
@@ -267,7 +276,6 @@ def _optimum(
 ) -> CheckedOptimum | None:
     reasons = {
         "several place points are one trajectory each": len(task.moves) > 1,
-        "only the first mode is simulated, and there are more": len(task.modes) > 1,
         "the limit acceleration_m_s2 is not stated": task.limits.acceleration_m_s2 is None,
         "the move is no pick-and-place": task.moves[0].profile != "pick-and-place",
     }

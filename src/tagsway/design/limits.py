@@ -18,8 +18,8 @@ LIMIT_NAMES = (
     "vertical_mm",
     "joints",
     "pcp_acceleration_m_s2",
+    "box_error_mm",
     "placement_window_mm",
-    "further_modes",
 )
 """In the order in which they are looked at: what the robot cannot do first."""
 
@@ -34,6 +34,9 @@ class DesignLimits:
         The product stays within it of the place point, along the way, from the end of the tool's motion on.
     pcp_acceleration_m_s2 : float or None
         Largest |x''| of the product, during and after the move: more peels it off.
+    box_error_m : float or None
+        The product's distance from the place point, along the way, below the rim of a box 50 mm above it, from the
+        descent on.
     acceleration_m_s2, velocity_m_s, jerk_m_s3 : float or None
         Of the tool's vector.
     box_m : tuple or None
@@ -46,6 +49,7 @@ class DesignLimits:
 
     placement_window_m: float
     pcp_acceleration_m_s2: float | None = None
+    box_error_m: float | None = None
     acceleration_m_s2: float | None = None
     velocity_m_s: float | None = None
     jerk_m_s3: float | None = None
@@ -57,6 +61,7 @@ class DesignLimits:
         positive = {
             "placement window": self.placement_window_m,
             "PCP acceleration": self.pcp_acceleration_m_s2,
+            "error in the box": self.box_error_m,
             "acceleration": self.acceleration_m_s2,
             "velocity": self.velocity_m_s,
             "jerk": self.jerk_m_s3,
@@ -71,7 +76,11 @@ class DesignLimits:
 
 
 def read_limits(
-    move: Move, *, pcp_acceleration_m_s2: float | None = None, placement_window_m: float | None = None
+    move: Move,
+    *,
+    pcp_acceleration_m_s2: float | None = None,
+    placement_window_m: float | None = None,
+    box_error_m: float | None = None,
 ) -> DesignLimits:
     """Return the limits of a move file, with what options say beside it.
 
@@ -93,6 +102,7 @@ def read_limits(
     return DesignLimits(
         placement_window_m=DEFAULT_WINDOW_SHARE * way if window is None else window,
         pcp_acceleration_m_s2=stated,
+        box_error_m=box_error_m,
         acceleration_m_s2=limits.acceleration_m_s2,
         velocity_m_s=limits.velocity_m_s or move.max_velocity_m_s,
         jerk_m_s3=limits.jerk_m_s3 or move.max_jerk_m_s3,

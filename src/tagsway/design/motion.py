@@ -3,14 +3,16 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 
+from tagsway.criteria import find_box_error
 from tagsway.design.payload import Payloads
-from tagsway.dynamics import PendulumEnsemble, simulate_sway
+from tagsway.dynamics import LightBody, PendulumEnsemble, simulate_carried, simulate_sway
 from tagsway.errors import InputError
-from tagsway.model import GRAVITY_M_S2, BoolArray, FloatArray, Trajectory
+from tagsway.model import GRAVITY_M_S2, FloatArray, IntArray, Trajectory
 
 FINE_STEP_S = 1e-3
 """With the steps on the switching times: the sway is then exact to 1e-7 mm."""
@@ -18,8 +20,16 @@ FINE_STEP_S = 1e-3
 TAIL_PERIODS = 0.65
 """The farthest excursion after the end comes in the first half period, which a wide swing lengthens."""
 
+FURTHER_TAIL_PERIODS = 2.0
+"""With a further mode the two swings have to come together first."""
+
+STEPS_A_PERIOD = 20
+"""Of the fastest mode, at least: its phase is then off by 8e-5 rad in a radian."""
+
 SIDE_S = 1e-9
 """From a switching time to either side of it."""
+
+_Parameters = TypeVar("_Parameters", PendulumEnsemble, LightBody)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,11 +44,40 @@ class Outcome:
         Largest |x''| of the product.
     swing_rad : ndarray
         Largest |q|.
+    box_error_m : ndarray
+        Largest distance from the place point, along the way, below the rim of a box 50 mm above it, from the descent
+        on (`tagsway.criteria`); NaN where the product never was above the rim.
     """
 
     placement_m: FloatArray
     pcp_acceleration_m_s2: FloatArray
     swing_rad: FloatArray
+    box_error_m: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swing:
+    """What payloads do at the nodes, each of shape (n, m copies).
+
+    Parameters
+    ----------
+    angle_rad, rate_rad_s : ndarray
+        q and q'.
+    carried : tuple of (ndarray, ndarray)
+        Place and rate of each further body beside the product's tag, in m and m/s.
+    """
+
+    angle_rad: FloatArray
+    rate_rad_s: FloatArray
+    carried: tuple[tuple[FloatArray, FloatArray], ...] = ()
+
+    def take(self, rows: slice | IntArray, columns: slice = slice(None)) -> "Swing":
+        """Return the same at some nodes for some payloads."""
+        return Swing(
+            angle_rad=self.angle_rad[rows, columns],
+            rate_rad_s=self.rate_rad_s[rows, columns],
+            carried=tuple((y[rows, columns], rate[rows, columns]) for y, rate in self.carried),
+        )
 
 
 def find_way(trajectory: Trajectory) -> FloatArray:
@@ -69,11 +108,11 @@ def simulate_motion(trajectory: Trajectory, payloads: Payloads, *, step_s: float
         At the nodes and on both sides of every switch, until 0.65 of the longest period after the end: from then on
         the swing only falls.
     """
-    end = trajectory.duration_s
-    edges = np.append(trajectory.breaks_s, end + TAIL_PERIODS * payloads.longest_period_s)
+    step = min(step_s, longest_step_s(payloads))
+    edges = np.append(trajectory.breaks_s, trajectory.duration_s + tail_s(payloads))
     time = np.concatenate(
         [
-            np.linspace(low, high, max(math.ceil((high - low) / step_s), 1), endpoint=False)
+            np.linspace(low, high, max(math.ceil((high - low) / step), 1), endpoint=False)
             for low, high in itertools.pairwise(edges)
         ]
         + [edges[-1:]]
@@ -97,25 +136,49 @@ def simulate_together(
     velocity = np.stack(
         [_in_plane(trajectory(halves, 1), way) for trajectory, way in zip(trajectories, ways, strict=True)], axis=-1
     )
-    ensemble = _tile(payloads.ensemble, len(trajectories))
-    q, rate = simulate_sway(ensemble, time_s, np.repeat(velocity, count, axis=-1))
+    swing = simulate_swing(payloads, time_s, np.repeat(velocity, count, axis=-1))
     outcomes = []
     for index, (trajectory, way) in enumerate(zip(trajectories, ways, strict=True)):
-        columns = slice(index * count, (index + 1) * count)
-        sides = [_in_plane(trajectory(time_s + side, 2), way) for side in (-SIDE_S, SIDE_S)]
-        outcomes.append(_judge(q[:, columns], rate[:, columns], time_s >= trajectory.duration_s, sides, payloads))
+        own = swing.take(slice(None), slice(index * count, (index + 1) * count))
+        outcomes.append(_judge(own, trajectory, way, time_s, payloads))
     return tuple(outcomes)
 
 
-def product_acceleration(
-    q: FloatArray, rate: FloatArray, pivot_m_s2: FloatArray, payloads: Payloads, *, copies: int = 1
-) -> FloatArray:
+def simulate_swing(payloads: Payloads, time_s: FloatArray, pivot_velocity_m_s: FloatArray) -> Swing:
+    """Simulate all payloads, the whole row of them under each of some pivots.
+
+    Parameters
+    ----------
+    payloads : Payloads
+        m of them.
+    time_s : ndarray, shape (n,)
+        Nodes.
+    pivot_velocity_m_s : ndarray, shape (2 n - 1, 2, m copies)
+        As `simulate_sway` takes it, along the way and up.
+    """
+    copies = pivot_velocity_m_s.shape[2] // len(payloads)
+    q, rate = simulate_sway(_tile(payloads.ensemble, copies), time_s, pivot_velocity_m_s)
+    carried = tuple(
+        simulate_carried(_tile(body, copies), time_s, pivot_velocity_m_s[:, 0], q, rate) for body in payloads.further
+    )
+    return Swing(angle_rad=q, rate_rad_s=rate, carried=carried)
+
+
+def product_sway(swing: Swing, payloads: Payloads, *, copies: int = 1) -> FloatArray:
+    """Return how far the product is off its pivot along the way: r sin q, and what each further body adds."""
+    sway: FloatArray = np.tile(payloads.tag_radius_m, copies) * np.sin(swing.angle_rad)
+    for y, _ in swing.carried:
+        sway += y
+    return sway
+
+
+def product_acceleration(swing: Swing, pivot_m_s2: FloatArray, payloads: Payloads, *, copies: int = 1) -> FloatArray:
     """Return x'' of the product.
 
     Parameters
     ----------
-    q, rate : ndarray, shape (n, m copies)
-        Of each payload, the whole row of payloads repeated.
+    swing : Swing
+        Of each payload, the whole row of payloads repeated, at n nodes.
     pivot_m_s2 : ndarray, shape (n, 2) or (n, 2, m copies)
         X'' and Z''.
     payloads : Payloads
@@ -126,10 +189,11 @@ def product_acceleration(
     Returns
     -------
     ndarray, shape (n, m copies)
-        X'' + r (q'' cos q - q'² sin q), with q'' from the equation of motion.
+        X'' + r (q'' cos q - q'² sin q), with q'' from the equation of motion, and y'' of each further body.
     """
     ensemble = _tile(payloads.ensemble, copies)
     radius = np.tile(payloads.tag_radius_m, copies)
+    q, rate = swing.angle_rad, swing.rate_rad_s
     push = pivot_m_s2 if pivot_m_s2.ndim == 3 else pivot_m_s2[:, :, None]
     x, z = push[:, 0], push[:, 1]
     sine, cosine = np.sin(q), np.cos(q)
@@ -138,16 +202,35 @@ def product_acceleration(
         + ensemble.stiffness_over_inertia_rad2_s2 * q
         + ((GRAVITY_M_S2 + z) * sine + x * cosine) / ensemble.length_m
     )
-    acceleration: FloatArray = x + radius * (turn * cosine - rate**2 * sine)
-    return acceleration
+    carrier: FloatArray = x + radius * (turn * cosine - rate**2 * sine)
+    product = carrier.copy()
+    for body, (y, speed) in zip((_tile(each, copies) for each in payloads.further), swing.carried, strict=True):
+        omega = body.angular_frequency_rad_s
+        product -= 2 * body.damping_ratio * omega * speed + omega**2 * y + body.gain * carrier
+    return product
 
 
-def _judge(q: FloatArray, rate: FloatArray, after: BoolArray, sides: list[FloatArray], payloads: Payloads) -> Outcome:
-    peaks = [np.abs(product_acceleration(q, rate, side, payloads)).max(axis=0) for side in sides]
+def tail_s(payloads: Payloads) -> float:
+    """Return how long payloads are watched after a move, in s."""
+    return (FURTHER_TAIL_PERIODS if payloads.further else TAIL_PERIODS) * payloads.longest_period_s
+
+
+def longest_step_s(payloads: Payloads) -> float:
+    """Return a 20th of the shortest period, in s."""
+    return 1 / (STEPS_A_PERIOD * payloads.fastest_hz)
+
+
+def _judge(swing: Swing, trajectory: Trajectory, way: FloatArray, time_s: FloatArray, payloads: Payloads) -> Outcome:
+    sides = [_in_plane(trajectory(time_s + side, 2), way) for side in (-SIDE_S, SIDE_S)]
+    peaks = [np.abs(product_acceleration(swing, side, payloads)).max(axis=0) for side in sides]
+    sway = product_sway(swing, payloads)
+    left = (_in_plane(trajectory(time_s), way) - _in_plane(trajectory(trajectory.duration_s)[None], way))[..., None]
+    lifted = payloads.tag_radius_m * (1 - np.cos(swing.angle_rad))
     return Outcome(
-        placement_m=np.abs(payloads.tag_radius_m * np.sin(q[after])).max(axis=0),
+        placement_m=np.abs(sway[time_s >= trajectory.duration_s]).max(axis=0),
         pcp_acceleration_m_s2=np.maximum(*peaks),
-        swing_rad=np.abs(q).max(axis=0),
+        swing_rad=np.abs(swing.angle_rad).max(axis=0),
+        box_error_m=find_box_error(left[:, 1], left[:, 1] + lifted, np.abs(left[:, 0] + sway)),
     )
 
 
@@ -163,8 +246,7 @@ def _in_plane(vectors: FloatArray, way: FloatArray) -> FloatArray:
     return np.stack([vectors @ way, vectors[:, 2]], axis=1)
 
 
-def _tile(ensemble: PendulumEnsemble, copies: int) -> PendulumEnsemble:
+def _tile(parameters: _Parameters, copies: int) -> _Parameters:
     if copies == 1:
-        return ensemble
-    names = PendulumEnsemble.__slots__
-    return PendulumEnsemble(**{name: np.tile(getattr(ensemble, name), copies) for name in names})
+        return parameters
+    return type(parameters)(**{f.name: np.tile(getattr(parameters, f.name), copies) for f in fields(parameters)})

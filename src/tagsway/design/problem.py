@@ -7,10 +7,9 @@ from typing import Self
 import numpy as np
 
 from tagsway.design.limits import DesignLimits
-from tagsway.design.motion import TAIL_PERIODS, product_acceleration
+from tagsway.design.motion import Swing, longest_step_s, product_acceleration, product_sway, simulate_swing, tail_s
 from tagsway.design.payload import Payloads, PayloadSpread, corner_payloads
 from tagsway.design.transcription import PHASES, Layout
-from tagsway.dynamics import PendulumEnsemble, simulate_sway
 from tagsway.model import GRAVITY_M_S2, FloatArray, Move
 from tagsway.trajectories import plan_move
 
@@ -217,19 +216,15 @@ class Problem:
             velocity, _ = layout.within(vectors, np.arange(2 * count) / (2 * count))
             parts.append(velocity[:, cells].reshape(copies, -1, 2))
             steps.append(np.repeat(lengths[cells] / count, count))
-        tail = TAIL_PERIODS * payloads.longest_period_s
-        resting = math.ceil(tail / STEP_S)
+        tail = tail_s(payloads)
+        resting = math.ceil(tail / min(STEP_S, longest_step_s(payloads)))
         time_s = np.concatenate([[0.0], np.cumsum(np.concatenate([*steps, np.full(resting, tail / resting)]))])
         drive = np.zeros((2 * len(time_s) - 1, 2, copies))
         moving = np.concatenate(parts, axis=1)
         drive[: moving.shape[1]] = moving.transpose(1, 2, 0)
-        tiled = PendulumEnsemble(
-            **{name: np.tile(getattr(payloads.ensemble, name), copies) for name in PendulumEnsemble.__slots__}
-        )
-        q, rate = simulate_sway(tiled, time_s, np.repeat(drive, m, axis=-1))
-        return self._constraints(vectors, q, rate)
+        return self._constraints(vectors, simulate_swing(payloads, time_s, np.repeat(drive, m, axis=-1)))
 
-    def _constraints(self, vectors: FloatArray, q: FloatArray, rate: FloatArray) -> FloatArray:
+    def _constraints(self, vectors: FloatArray, swing: Swing) -> FloatArray:
         copies, m = len(vectors), len(self.payloads)
         node, kept = 0, []
         for cells, count in self._phases():
@@ -237,13 +232,14 @@ class Problem:
             _, push = self.layout.within(vectors, np.linspace(0, 1, count + 1))
             index = (node + np.arange(held)[:, None] * count + np.arange(count + 1)).ravel()
             pivot = np.repeat(push[:, cells].transpose(1, 2, 3, 0).reshape(-1, 2, copies), m, axis=-1)
-            acceleration = product_acceleration(q[index], rate[index], pivot, self.payloads, copies=copies)
+            held_swing = swing.take(index)
+            acceleration = product_acceleration(held_swing, pivot, self.payloads, copies=copies)
             # The largest in each cell of each payload: some hundred constraints rather than twenty thousand.
             shape = (held, count + 1, copies, m)
             kept.append(1 - np.abs(acceleration).reshape(shape).max(axis=1) / self.bounds.pcp_m_s2)
-            kept.append(self.bounds.swing_rad - np.abs(q[index]).reshape(shape).max(axis=1))
+            kept.append(self.bounds.swing_rad - np.abs(held_swing.angle_rad).reshape(shape).max(axis=1))
             node += held * count
-        away = np.sin(q[node:].reshape(-1, copies, m)) * self.payloads.tag_radius_m
+        away = product_sway(swing.take(slice(node, None)), self.payloads, copies=copies).reshape(-1, copies, m)
         kept.extend((self.bounds.placement_m - side.max(axis=0)[None]) / 0.01 for side in (away, -away))
         return np.concatenate([each.transpose(1, 0, 2).reshape(copies, -1) for each in kept], axis=-1)
 
@@ -257,7 +253,8 @@ class Problem:
     def with_steps_for(self, vector: FloatArray) -> Self:
         """Return the problem with steps of 6 ms at these durations, counted once: else differences would jump."""
         lengths = self.layout.durations(vector) / np.array(self.layout.cells)
-        first, carry, last = (max(math.ceil(each / STEP_S), 2) for each in lengths.tolist())
+        step = min(STEP_S, longest_step_s(self.payloads))
+        first, carry, last = (max(math.ceil(each / step), 2) for each in lengths.tolist())
         return replace(self, counts=(first, carry, last))
 
     def variable_bounds(self) -> list[tuple[float, float]]:

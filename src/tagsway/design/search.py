@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tagsway.design.limits import LIMIT_NAMES, DesignLimits
-from tagsway.design.motion import TAIL_PERIODS, Outcome, simulate_motion, simulate_together
+from tagsway.design.motion import Outcome, longest_step_s, simulate_motion, simulate_together, tail_s
 from tagsway.design.payload import Payloads
 from tagsway.design.planning import MotionPeaks, PlannedCandidate, ShapedAxes, find_peaks, plan_candidate
 from tagsway.errors import InputError
@@ -56,8 +56,8 @@ class Verdict:
         Of the payloads, all limits at once; 0 where the robot's own are broken.
     broken : str or None
         The limit that is broken by most payloads, or by the robot; None where enough keep all.
-    placement_m, pcp_acceleration_m_s2, swing_rad : float
-        Worst of the payloads; NaN where nothing was simulated.
+    placement_m, pcp_acceleration_m_s2, swing_rad, box_error_m : float
+        Worst of the payloads; NaN where nothing was simulated, and of the box where the product never was above it.
     """
 
     share_kept: float
@@ -65,6 +65,7 @@ class Verdict:
     placement_m: float = math.nan
     pcp_acceleration_m_s2: float = math.nan
     swing_rad: float = math.nan
+    box_error_m: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +188,8 @@ def judge(outcome: Outcome, limits: DesignLimits) -> Verdict:
     kept = {"placement_window_mm": outcome.placement_m <= limits.placement_window_m * (1 + NEAR)}
     if limits.pcp_acceleration_m_s2 is not None:
         kept["pcp_acceleration_m_s2"] = outcome.pcp_acceleration_m_s2 <= limits.pcp_acceleration_m_s2 * (1 + NEAR)
+    if limits.box_error_m is not None:
+        kept["box_error_mm"] = outcome.box_error_m <= limits.box_error_m * (1 + NEAR)
     share = float(np.mean(np.all(list(kept.values()), axis=0)))
     worst = min(kept, key=lambda name: float(np.mean(kept[name])))
     return Verdict(
@@ -195,6 +198,7 @@ def judge(outcome: Outcome, limits: DesignLimits) -> Verdict:
         placement_m=float(outcome.placement_m.max()),
         pcp_acceleration_m_s2=float(outcome.pcp_acceleration_m_s2.max()),
         swing_rad=float(outcome.swing_rad.max()),
+        box_error_m=float(outcome.box_error_m.max()),
     )
 
 
@@ -271,8 +275,8 @@ class _Search:
 
 
 def _judge_together(group: list[Candidate], limits: DesignLimits, payloads: Payloads) -> list[Candidate]:
-    end = max(candidate.motion_time_s for candidate in group) + TAIL_PERIODS * payloads.longest_period_s
-    time = np.linspace(0.0, end, math.ceil(end / SCAN_STEP_S) + 1)
+    end = max(candidate.motion_time_s for candidate in group) + tail_s(payloads)
+    time = np.linspace(0.0, end, math.ceil(end / min(SCAN_STEP_S, longest_step_s(payloads))) + 1)
     trajectories = [trajectory for candidate in group for trajectory in candidate.planned.trajectories]
     verdicts = [judge(outcome, limits) for outcome in simulate_together(trajectories, payloads, time)]
     places = len(group[0].planned.trajectories)
