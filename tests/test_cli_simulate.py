@@ -96,7 +96,7 @@ def test_a_result_gives_the_payload_and_its_errors(capsys) -> None:
 def test_a_result_without_a_mode_gives_no_payload(capsys) -> None:
     write_result(Path("result.json"), not_determined()[0])
     assert run(["simulate", "--move", MOVE, "--from", "result.json"]) == 2
-    assert "there is no payload to simulate" in capsys.readouterr().err
+    assert "holds no mode to design for, nor to simulate" in capsys.readouterr().err
 
 
 def test_measurements_are_each_a_sample(capsys) -> None:
@@ -112,7 +112,7 @@ def test_measurements_are_each_a_sample(capsys) -> None:
 def test_a_second_mode_is_said_to_be_assumed(capsys) -> None:
     said = simulate(capsys, "--frequency", "2", "--damping", "0.05", "--second-mode", "7:0.03")
     assert "7 Hz (gain 1)" in said
-    assert "stated, not measured" in said
+    assert "taken as 1" in said
 
 
 MODE = ["--frequency", "2", "--damping", "0.05"]

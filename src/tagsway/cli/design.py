@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tagsway.cli.designs import NORMAL_95
 from tagsway.cli.modes import Target, read_target
-from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import GRAVITY_M_S2, Mode, Notice
+from tagsway.cli.spreads import SpreadWish, read_spread
+from tagsway.errors import InputError
+from tagsway.model import DesignMode, Move
 
 if TYPE_CHECKING:
-    from tagsway.design import Advice, PayloadSpread
+    from tagsway.design import Advice, DesignLimits, DesignTask, PayloadSpread
 
 SEED = 0
 """Of the payloads that are drawn: the same question has the same answer."""
 
-ASSUMED_DAMPING = 0.3
-"""Of ζ, one standard deviation, where its spread is not stated: an optimum for one damping alone is fragile."""
-
-NORMAL_95 = 1.96
 SHOWN = 12
 
 
@@ -42,8 +40,12 @@ def design(
     ] = None,
     damping: Annotated[list[float] | None, typer.Option(help="Damping ratio; again for each further mode.")] = None,
     frequency_spread: Annotated[
-        float | None,
-        typer.Option(help="Of f_n between repeats in percent: a standard deviation, or half the width if uniform."),
+        list[float] | None,
+        typer.Option(
+            help="Of f_n between repeats in percent: a standard deviation, or half the width if uniform; again for "
+            "each further mode.",
+            show_default="measured; for further modes the first one's",
+        ),
     ] = None,
     damping_spread: Annotated[
         float | None, typer.Option(help="The same of ζ, as a ratio.", show_default="0.3 ζ, or as measured")
@@ -52,12 +54,23 @@ def design(
     length: Annotated[
         float | None, typer.Option(help="Equivalent length of the payload in mm.", show_default="measured, or g/ω²")
     ] = None,
+    gain: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="How far a further mode sways per acceleration of its support: 1 is a point on a string; for each.",
+            show_default="as the filmed move tells, or 1",
+        ),
+    ] = None,
     max_pcp_acceleration: Annotated[
         float | None, typer.Option(help="Largest |x''| of the product in m/s²: more peels it off.")
     ] = None,
     placement_window: Annotated[
         float | None,
         typer.Option(help="In mm: how far off the product may be once the tool stands.", show_default="2 % of the way"),
+    ] = None,
+    box: Annotated[
+        float | None,
+        typer.Option(help="In mm: how far off it may be below a rim of 50 mm, from the descent on."),
     ] = None,
     place: Annotated[
         list[str] | None, typer.Option(help="A further place point X,Y,Z in m, as on a conveyor; again for each.")
@@ -72,122 +85,76 @@ def design(
     """Choose shaper, axes and acceleration: the quickest move that keeps its limits for 95 % of the payloads."""
     import numpy as np
 
-    from tagsway.design import DesignTask, design_move, read_limits
+    from tagsway.design import design_move, read_limits
     from tagsway.files import check_writable
-    from tagsway.pipeline.designing import DESIGN_FILES, write_advice
-    from tagsway.shapers import SHAPER_TYPES
+    from tagsway.pipeline.designing import write_advice
     from tagsway.store.designs import design_document
     from tagsway.store.documents import dump
     from tagsway.store.moves import read_move
 
     asked = read_move(move)
-    target = read_target(origin, frequency or [], damping or [], frequency_spread)
-    payload, notices = read_payload(origin, target, damping_spread, length, spread_shape)
+    spreads = frequency_spread or []
+    target = read_target(origin, frequency or [], damping or [], spreads[0] if spreads else None)
+    payload, notices = read_spread(
+        SpreadWish(
+            target=target,
+            folder=None if origin is None else origin.parent,
+            damping_spread=damping_spread,
+            further_percent=spreads[1:],
+            gains=gain or [],
+            length_mm=length,
+            shape=spread_shape.value,
+        )
+    )
     limits = read_limits(
         asked,
         pcp_acceleration_m_s2=max_pcp_acceleration,
         placement_window_m=None if placement_window is None else placement_window / 1e3,
+        box_error_m=None if box is None else box / 1e3,
     )
     check_writable(out)
-    for name in DESIGN_FILES:
-        if (out / name).exists() and any(f is not None and (out / name).samefile(f) for f in (move, origin)):
-            raise InputError(f"--out {out} would write over the input {out / name}; give another folder")
-    half = payload.frequency_percent * (1 if payload.shape == "uniform" else NORMAL_95)
-    task = DesignTask(
-        moves=(asked, *(replace(asked, to_m=_point(text)) for text in place or [])),
-        modes=target.modes,
-        band_percent=(half,) * len(target.modes),
-        payload=payload,
-        limits=limits,
-        kinds=tuple(kind) if kind else SHAPER_TYPES,
-    )
+    _keep_inputs(out, (move, origin))
+    task = _task(asked, place or [], target, payload, limits, kind)
     advice = design_move(task, rng=np.random.default_rng(SEED), optimise=optimise, progress=_show_progress)
     advice = replace(advice, notices=(*notices, *advice.notices))
     write_advice(advice, out)
     typer.echo(dump(design_document(advice)) if json else _words(advice, out), nl=not json)
 
 
-def read_payload(
-    origin: Path | None,
+def _task(
+    move: Move,
+    places: list[str],
     target: Target,
-    damping_spread: float | None,
-    length_mm: float | None,
-    shape: SpreadShape = SpreadShape.NORMAL,
-) -> tuple["PayloadSpread", list[Notice]]:
-    """Return the payloads that options and measurements speak of.
+    payload: "PayloadSpread",
+    limits: "DesignLimits",
+    kinds: list[str] | None,
+) -> "DesignTask":
+    from tagsway.design import DesignTask
+    from tagsway.shapers import SHAPER_TYPES
 
-    Raises
-    ------
-    NotIdentifiableError
-        Without a spread: one measurement does not know how the next will differ.
-    """
-    from tagsway.design import PayloadSpread
-
-    if target.spread is None:
-        raise NotIdentifiableError(
-            f"{target.source} does not tell how the payload varies between repeats, and without that nothing can be "
-            "said of 95 % of them: give --frequency-spread PERCENT, or --from measurements.csv of two or more",
-            code="single_measurement",
-        )
-    mode, length, radius, damping_std, notices = _measured(origin, target)
-    if damping_spread is not None:
-        if not damping_spread >= 0:
-            raise InputError(f"--damping-spread is {damping_spread:g}: expected a ratio of 0 or more, such as 0.01")
-        damping_std = damping_spread
-    elif damping_std is None:
-        damping_std = ASSUMED_DAMPING * mode.damping_ratio
-        words = f"the damping's spread is not known: ±{100 * ASSUMED_DAMPING:g} % of it are assumed; state it"
-        notices.append(Notice(code="damping_spread_assumed", message=f"{words} with --damping-spread"))
-    if length_mm is not None:
-        length, radius = length_mm / 1e3, length_mm / 1e3 if radius is None else radius
-    if length is None:
-        length = GRAVITY_M_S2 / mode.angular_frequency_rad_s**2
-        words = f"a pendulum without a spring is assumed, {1e3 * length:.1f} mm long: state --length if it is stiffer"
-        notices.append(Notice(code="length_assumed", message=words))
-    payload = PayloadSpread(
-        mode=mode,
-        frequency_percent=target.spread.natural_frequency_std_percent,
-        damping_low=max(mode.damping_ratio - damping_std, 0.0),
-        damping_high=min(mode.damping_ratio + damping_std, 0.95),
-        length_m=length,
-        tag_radius_m=length if radius is None else radius,
-        shape=shape.value,
-        n=target.spread.n if shape is SpreadShape.NORMAL else None,
-        source=target.spread.source,
+    # A result's shaper is for its first mode; the further ones sway little, and so at their own frequency.
+    further = [
+        DesignMode(frequency_hz=mode.natural_frequency_hz, damping_ratio=mode.damping_ratio)
+        for mode in target.swings[1:]
+    ]
+    widening = 1 if payload.shape == "uniform" else NORMAL_95
+    percents = (payload.frequency_percent, *(each.frequency_percent for each in payload.further))
+    return DesignTask(
+        moves=(move, *(replace(move, to_m=_point(text)) for text in places)),
+        modes=(target.modes[0], *further),
+        band_percent=tuple(widening * percent for percent in percents),
+        payload=payload,
+        limits=limits,
+        kinds=tuple(kinds) if kinds else SHAPER_TYPES,
     )
-    return payload, notices
 
 
-def _measured(
-    origin: Path | None, target: Target
-) -> tuple[Mode, float | None, float | None, float | None, list[Notice]]:
-    """Return the small-swing mode, length, radius and the damping's standard deviation, as far as they are known."""
-    first = target.modes[0]
-    mode = Mode(natural_frequency_hz=first.frequency_hz, damping_ratio=first.damping_ratio)
-    if origin is None:
-        return mode, None, None, None, []
-    if origin.suffix.lower() == ".csv":
-        import numpy as np
+def _keep_inputs(out: Path, inputs: tuple[Path | None, ...]) -> None:
+    from tagsway.pipeline.designing import DESIGN_FILES
 
-        from tagsway.store.measurements import read_measurements
-
-        ratios = read_measurements(origin).damping_ratio
-        return mode, None, None, float(np.std(ratios, ddof=1)) if len(ratios) > 1 else None, []
-    from tagsway.store.documents import read_result
-
-    result = read_result(origin)
-    modal, pendulum = result.modal, result.pendulum
-    if modal is not None and modal.natural_frequency_hz is not None and modal.damping_ratio is not None:
-        mode = Mode(
-            natural_frequency_hz=modal.natural_frequency_hz.value,
-            damping_ratio=min(max(modal.damping_ratio.value, 0.0), 0.9),
-        )
-    radius = None if pendulum is None or pendulum.tag_radius_m is None else pendulum.tag_radius_m.value
-    if pendulum is None or pendulum.length_m is None or not pendulum.determined:
-        return mode, None, radius, None, []
-    # A spring cannot be negative: where the fit's errors make it so, the free pendulum's length is the nearest.
-    length = max(pendulum.length_m.value, GRAVITY_M_S2 / mode.angular_frequency_rad_s**2)
-    return mode, length, radius, None, []
+    for name in DESIGN_FILES:
+        if (out / name).exists() and any(f is not None and (out / name).samefile(f) for f in inputs):
+            raise InputError(f"--out {out} would write over the input {out / name}; give another folder")
 
 
 def _show_progress(done: int, total: int) -> None:

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tagsway.cli.modes import Target, read_target
 from tagsway.errors import InputError
-from tagsway.model import GRAVITY_M_S2, Mode, Pendulum
+from tagsway.model import GRAVITY_M_S2, Mode, Notice, Pendulum
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from tagsway.model import Result
     from tagsway.simulation import Payload
 
 SAMPLES = 21
@@ -32,8 +32,8 @@ class PayloadWish:
         Stated instead; the stiffness is k/J in 1/s².
     second : Mode or None
         A second body.
-    gain : float
-        Of the second body.
+    gain : float or None
+        Of the second body; None takes what the film of the move tells.
     spread_percent : float or None
         By how much f_n strays, up and down.
     samples : int or None
@@ -49,7 +49,7 @@ class PayloadWish:
     tag_radius_mm: float | None
     stiffness: float | None
     second: Mode | None
-    gain: float
+    gain: float | None
     spread_percent: float | None
     samples: int | None
     seed: int
@@ -67,11 +67,14 @@ class KnownPayload:
         Its place.
     source : str
         Where it came from and how it varies, in words.
+    notices : tuple of Notice
+        What was assumed.
     """
 
     payload: "Payload"
     nominal: int
     source: str
+    notices: tuple[Notice, ...] = ()
 
     @property
     def mode(self) -> Mode:
@@ -90,17 +93,41 @@ def read_payload(wish: PayloadWish) -> KnownPayload:
     InputError
         Where the options say nothing, too much, or what cannot be.
     """
-    from tagsway.simulation import add_second_body
-
     _check(wish)
-    pendulum, second, source, result = _pendulum(wish)
-    known = _vary(wish, pendulum, source, result)
-    body = wish.second if wish.second is not None else second
+    target = _target(wish)
+    pendulum, source = _pendulum(wish, target)
+    known = _vary(wish, pendulum, source, target)
+    body = wish.second if wish.second is not None else next(iter(target.swings[1:]), None)
     if body is None:
         return known
-    payload = add_second_body(known.payload, body, gain=wish.gain)
-    words = f"{known.source}, a second body of {body.natural_frequency_hz:.4g} Hz (gain {wish.gain:g})"
-    return KnownPayload(payload=payload, nominal=known.nominal, source=words)
+    return _hang_second(known, body, wish, target)
+
+
+def _hang_second(known: KnownPayload, body: Mode, wish: PayloadWish, target: Target) -> KnownPayload:
+    from tagsway.simulation import add_second_body
+
+    notices: list[Notice] = []
+    if wish.gain is not None:
+        gain = wish.gain
+        notices.append(Notice(code="second_gain_assumed", message=f"the second body's gain of {gain:g} is stated"))
+    elif wish.second is not None or wish.origin is None or target.result is None:
+        gain = 1.0
+        words = "the second body's gain is taken as 1, a point on a string, not measured: state --second-gain"
+        notices.append(Notice(code="second_gain_assumed", message=words))
+    else:
+        from tagsway.pipeline.further import find_gains
+
+        gains, notices = find_gains(
+            target.result,
+            wish.origin.parent,
+            target.swings,
+            length_m=target.length_m,
+            radius_m=target.tag_radius_m,
+        )
+        gain = gains[0]
+    payload = add_second_body(known.payload, body, gain=gain)
+    words = f"{known.source}, a second body of {body.natural_frequency_hz:.4g} Hz (gain {gain:.3g})"
+    return replace(known, payload=payload, source=words, notices=(*known.notices, *notices))
 
 
 def _check(wish: PayloadWish) -> None:
@@ -133,77 +160,58 @@ def _check(wish: PayloadWish) -> None:
         raise InputError(f"--samples is {wish.samples}: expected 1 to {MOST_SAMPLES}")
 
 
-def _pendulum(wish: PayloadWish) -> tuple[Pendulum, Mode | None, str, "Result | None"]:
-    """Return the nominal payload, its second mode, where both came from, and the measurement."""
+def _target(wish: PayloadWish) -> Target:
+    """Return what was measured, or the stated mode; a stated length has none yet."""
+    if wish.origin is not None:
+        return read_target(wish.origin, [], [], None)
+    if wish.frequency_hz is not None:
+        return read_target(None, [wish.frequency_hz], [wish.damping_ratio or 0.0], None)
+    return Target(modes=(), spread=None, source="given", swings=())
+
+
+def _pendulum(wish: PayloadWish, target: Target) -> tuple[Pendulum, str]:
+    """Return the nominal payload, and where it came from."""
     from tagsway.simulation import pendulum_of_mode
 
-    radius = None if wish.tag_radius_mm is None else wish.tag_radius_mm / 1e3
-    if wish.origin is not None:
-        if wish.origin.suffix.lower() != ".csv":
-            return _measured(wish.origin)
-        from tagsway.store.measurements import read_measurements
+    radius = target.tag_radius_m if wish.tag_radius_mm is None else wish.tag_radius_mm / 1e3
+    if not target.swings:
+        return _stated_pendulum(wish, radius)
+    mode = target.swings[0]
+    name = "" if wish.origin is None else f"{wish.origin.name}, "
+    if target.length_m is None:
+        if wish.origin is None:
+            name = f"{mode.natural_frequency_hz:g} Hz, damping ratio {mode.damping_ratio:g}, "
+        why = "" if target.result is None else " (l and k are not told apart there)"
+        return pendulum_of_mode(mode, tag_radius_m=radius), f"{name}a pendulum without a spring{why}"
+    wn = mode.angular_frequency_rad_s
+    pendulum = Pendulum(
+        length_m=target.length_m,
+        tag_radius_m=target.length_m if radius is None else radius,
+        stiffness_over_inertia_rad2_s2=wn**2 - GRAVITY_M_S2 / target.length_m,
+        damping_over_inertia_rad_s=2 * mode.damping_ratio * wn,
+        quadratic_drag_per_rad=target.drag_per_rad,
+    )
+    return pendulum, f"{name}the pendulum that was fitted"
 
-        middle = read_measurements(wish.origin).mode
-        median = Mode(natural_frequency_hz=middle.frequency_hz, damping_ratio=middle.damping_ratio)
-        return pendulum_of_mode(median), None, f"{wish.origin.name}, a pendulum without a spring", None
-    zeta = wish.damping_ratio or 0.0
-    if wish.frequency_hz is not None:
-        mode = Mode(natural_frequency_hz=wish.frequency_hz, damping_ratio=zeta)
-        words = f"{wish.frequency_hz:g} Hz, damping ratio {zeta:g}, a pendulum without a spring"
-        return pendulum_of_mode(mode, tag_radius_m=radius), None, words, None
-    length = (wish.length_mm or 0.0) / 1e3
+
+def _stated_pendulum(wish: PayloadWish, radius_m: float | None) -> tuple[Pendulum, str]:
+    zeta, length = wish.damping_ratio or 0.0, (wish.length_mm or 0.0) / 1e3
     bare = Pendulum(
         length_m=length,
-        tag_radius_m=length if radius is None else radius,
+        tag_radius_m=length if radius_m is None else radius_m,
         stiffness_over_inertia_rad2_s2=wish.stiffness or 0.0,
     )
     damped = replace(bare, damping_over_inertia_rad_s=2 * zeta * bare.angular_frequency_squared**0.5)
-    return damped, None, f"{wish.length_mm:g} mm, {bare.natural_frequency_hz:.5g} Hz, damping ratio {zeta:g}", None
+    return damped, f"{wish.length_mm:g} mm, {bare.natural_frequency_hz:.5g} Hz, damping ratio {zeta:g}"
 
 
-def _measured(path: Path) -> tuple[Pendulum, Mode | None, str, "Result | None"]:
-    from tagsway.simulation import pendulum_of_mode
-    from tagsway.store.documents import read_result
-
-    result = read_result(path)
-    modal, fitted = result.modal, result.pendulum
-    if modal is None or modal.natural_frequency_hz is None or modal.damping_ratio is None:
-        raise InputError(f"{path} holds no natural frequency and damping: there is no payload to simulate")
-    mode = Mode(
-        natural_frequency_hz=modal.natural_frequency_hz.value, damping_ratio=max(modal.damping_ratio.value, 0.0)
-    )
-    others = [each for each in modal.modes[1:] if each.natural_frequency_hz.value > 0]
-    second = None
-    if others:
-        zeta = min(max(others[0].damping_ratio.value, 0.0), 0.99)
-        second = Mode(natural_frequency_hz=others[0].natural_frequency_hz.value, damping_ratio=zeta)
-    radius = None if fitted is None or fitted.tag_radius_m is None else fitted.tag_radius_m.value
-    if fitted is not None and fitted.determined and fitted.length_m is not None:
-        wn = 2 * math.pi * mode.natural_frequency_hz
-        drag = fitted.quadratic_drag_per_rad
-        pendulum = Pendulum(
-            length_m=fitted.length_m.value,
-            tag_radius_m=fitted.length_m.value if radius is None else radius,
-            stiffness_over_inertia_rad2_s2=wn**2 - GRAVITY_M_S2 / fitted.length_m.value,
-            damping_over_inertia_rad_s=2 * mode.damping_ratio * wn,
-            quadratic_drag_per_rad=0.0 if drag is None else max(drag.value, 0.0),
-        )
-        return pendulum, second, f"{path.name}, the pendulum that was fitted", result
-    return (
-        pendulum_of_mode(mode, tag_radius_m=radius),
-        second,
-        f"{path.name}, a pendulum without a spring (l and k are not told apart there)",
-        result,
-    )
-
-
-def _vary(wish: PayloadWish, pendulum: Pendulum, source: str, result: "Result | None") -> KnownPayload:
+def _vary(wish: PayloadWish, pendulum: Pendulum, source: str, target: Target) -> KnownPayload:
     """Return the samples: of a stated spread, of many measurements, of one's standard errors, or one alone."""
     import numpy as np
 
     from tagsway.simulation import hang_pendulums, vary_modes
 
-    count, spread = wish.samples, wish.spread_percent
+    count, spread, said = wish.samples, wish.spread_percent, target.notices
     if spread is not None:
         if count == 1:
             raise InputError("--samples is 1, but --spread asks for both of its ends: give at least 2, or leave it out")
@@ -211,33 +219,30 @@ def _vary(wish: PayloadWish, pendulum: Pendulum, source: str, result: "Result | 
         frequency = pendulum.natural_frequency_hz * (1 + spread / 100 * share)
         payload = vary_modes(pendulum, frequency, pendulum.damping_ratio)
         words = f"{source}; f_n ± {spread:g} %, {len(share)} samples"
-        return KnownPayload(payload=payload, nominal=int(np.argmin(np.abs(share))), source=words)
-    if wish.origin is not None and wish.origin.suffix.lower() == ".csv":
-        from tagsway.store.measurements import read_measurements
-
-        measured = read_measurements(wish.origin)
+        return KnownPayload(payload=payload, nominal=int(np.argmin(np.abs(share))), source=words, notices=said)
+    if target.repeats is not None:
+        measured = target.repeats
         frequency = np.append(pendulum.natural_frequency_hz, measured.frequency_hz)
         zeta = np.append(pendulum.damping_ratio, np.clip(measured.damping_ratio, 0, 0.99))
         words = f"{source}; the median and each of {len(measured.frequency_hz)} measurements"
-        return KnownPayload(payload=vary_modes(pendulum, frequency, zeta), nominal=0, source=words)
+        return KnownPayload(payload=vary_modes(pendulum, frequency, zeta), nominal=0, source=words, notices=said)
     if count is None or count == 1:
-        return KnownPayload(payload=hang_pendulums(pendulum), nominal=0, source=source)
-    if result is None:
+        return KnownPayload(payload=hang_pendulums(pendulum), nominal=0, source=source, notices=said)
+    if target.result is None:
         raise InputError(f"--samples is {count}, but nothing varies: give --spread PERCENT too, or --from result.json")
-    drawn = [pendulum, *_draw(pendulum, result, np.random.default_rng(wish.seed), count - 1)]
+    drawn = [pendulum, *_draw(pendulum, target, np.random.default_rng(wish.seed), count - 1)]
     words = f"{source}; {count} samples within its standard errors: one pick, not the next one's payload"
-    return KnownPayload(payload=hang_pendulums(*drawn), nominal=0, source=words)
+    return KnownPayload(payload=hang_pendulums(*drawn), nominal=0, source=words, notices=said)
 
 
-def _draw(pendulum: Pendulum, result: "Result", rng: "Generator", count: int) -> list[Pendulum]:
+def _draw(pendulum: Pendulum, target: Target, rng: "Generator", count: int) -> list[Pendulum]:
     """Draw f_n, l, r and ζ, whose errors are nearly independent, and derive k/J and b/J."""
-    modal, fitted = result.modal, result.pendulum
-    if modal is None or modal.natural_frequency_hz is None or modal.damping_ratio is None:
-        return []
-    length = None if fitted is None or not fitted.determined else fitted.length_m
+    assert target.result is not None
+    modal, fitted = target.result.modal, target.result.pendulum
+    length = None if fitted is None or target.length_m is None else fitted.length_m
     radius = None if fitted is None else fitted.tag_radius_m
-    stds = [modal.natural_frequency_hz.std, modal.damping_ratio.std]
-    stds += [0.0 if each is None else each.std for each in (length, radius)]
+    known = [None if modal is None else modal.natural_frequency_hz, None if modal is None else modal.damping_ratio]
+    stds = [0.0 if each is None else each.std for each in (*known, length, radius)]
     drawn = []
     for f, z, l_off, r_off in rng.normal(size=(count, 4)) * stds:
         wn = 2 * math.pi * max(pendulum.natural_frequency_hz + f, 1e-3)

@@ -57,7 +57,10 @@ def simulate(
     second_mode: Annotated[
         str | None, typer.Option(help="A second body driven by the first: HZ:RATIO.", show_default="the result's")
     ] = None,
-    second_gain: Annotated[float, typer.Option(help="Of the second body: 1 is a point on a string.")] = 1.0,
+    second_gain: Annotated[
+        float | None,
+        typer.Option(help="Of the second body: 1 is a point on a string.", show_default="as the film tells, or 1"),
+    ] = None,
     shaper: Annotated[str, typer.Option(help="shaper.json, a type such as zv, or none.")] = "zv",
     spread: Annotated[float | None, typer.Option(help="By how many percent f_n may be off, up and down.")] = None,
     samples: Annotated[
@@ -140,7 +143,7 @@ def _run_once(
     criteria = {s.name: m.judge(reference_m=reference_m) for s, m in zip(shapings, motions, strict=True)}
     rows = worst_rows(criteria, shapings, fastest, known.payload)
     swing = max(float(np.degrees(np.abs(motion.sway.angle_rad).max())) for motion in motions)
-    notices = [*_notices(rows), *_swing_notices(swing), *_second_notices(known)]
+    notices = [*known.notices, *_notices(rows), *_swing_notices(swing)]
     tables = [
         (f"motion-{s.name.replace(',', '')}.csv", _motion_csv(motion, known.nominal, mass_kg))
         for s, motion in zip(shapings, motions, strict=True)
@@ -195,11 +198,11 @@ def _run_study(
             )
         rows = study_deviations(move, payload, shapings, nominal=known.nominal, reference_m=reference_m)
         title = f"at {move.max_acceleration_m_s2:g} m/s², over the frequency"
-        return Found(rows=rows, title=title, draw=partial(_draw_study, rows), notices=_second_notices(known))
+        return Found(rows=rows, title=title, draw=partial(_draw_study, rows), notices=known.notices)
     if study is Study.ACCELERATIONS:
         rows = study_accelerations(move, scan, payload, shapings, reference_m=reference_m)
         pairs = find_pairs(rows)
-        notices = [*_notices(rows), *_second_notices(known)]
+        notices = [*known.notices, *_notices(rows)]
         title = f"over the acceleration, {worst}"
         return Found(rows=rows, title=title, draw=partial(_draw_study, rows), pairs=pairs, notices=notices)
     if not limits:
@@ -210,7 +213,7 @@ def _run_study(
         title=f"scanned from {scan[0]:g} to {scan[-1]:g} m/s², {worst}",
         draw=partial(_draw_study, rows, found),
         limits=found,
-        notices=_second_notices(known),
+        notices=known.notices,
     )
 
 
@@ -259,13 +262,6 @@ def _swing_notices(swing_deg: float) -> list[Notice]:
         return []
     words = f"the payload swings by {swing_deg:.0f}°: farther than any film shows it, a spring need not hold there"
     return [Notice(code="large_swing", message=words)]
-
-
-def _second_notices(known: KnownPayload) -> list[Notice]:
-    if known.payload.second is None:
-        return []
-    words = "the second body's gain is stated, not measured: a decay alone does not tell how far a move excites it"
-    return [Notice(code="second_gain_assumed", message=words)]
 
 
 def _motion_csv(motion: "SimulatedMotion", nominal: int, mass_kg: float | None) -> str:

@@ -122,7 +122,7 @@ def _record(measured: Result, track: Track, trajectory: Trajectory | None, *, so
             sway_m=sway,
             start_s=moved.start_s,
             end_s=moved.end_s,
-            velocity=_seen(clean, moved),
+            velocity=seen_velocity(clean, moved),
         )
     start = _find_start(track, trajectory, moved)
     return ResidualRecord(
@@ -134,7 +134,7 @@ def _record(measured: Result, track: Track, trajectory: Trajectory | None, *, so
     )
 
 
-def _seen(clean: CleanTrack, moved: Window) -> PivotVelocity:
+def seen_velocity(clean: CleanTrack, moved: Window) -> PivotVelocity:
     """Return the tool's velocity as it was seen, at rest outside the move."""
     assert clean.tcp is not None
     known = np.isfinite(clean.tcp.velocity).all(axis=1)
