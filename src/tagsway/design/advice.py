@@ -14,7 +14,7 @@ from tagsway.design.planning import PlannedCandidate, ShapedAxes, find_peaks
 from tagsway.design.search import Candidate, SearchSettings, Verdict, find_broken, judge, search_candidate
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import DesignMode, FloatArray, Mode, Move, Notice, Shaper, Spread, Trajectory
-from tagsway.shapers import SHAPER_TYPES, Band, design_multimode, design_shaper
+from tagsway.shapers import IMPULSE_TYPES, SHAPER_TYPES, Band, design_multimode, design_shaper
 
 SCANNED = 128
 """Payloads of the scan, spread evenly."""
@@ -178,7 +178,7 @@ def design_move(
 def draw_settings(task: DesignTask, *, rng: np.random.Generator) -> SearchSettings:
     """Draw the payloads that candidates are judged with."""
     return SearchSettings(
-        rough=corner_payloads(task.payload, frequencies=7, dampings=2, shares=(0.95, 0.95)),
+        rough=corner_payloads(task.payload, frequencies=7, dampings=2, further=2, shares=(0.95, 0.95)),
         scanned=sample_payloads(task.payload, SCANNED, rng=rng),
         checked=draw_payloads(task.payload, task.checked, rng=rng),
     )
@@ -220,7 +220,8 @@ def design_shapers(task: DesignTask) -> tuple[list[Shaper], list[Notice]]:
     )
     shapers, notices = [], []
     for kind in task.kinds:
-        for design in (_for_first, _for_all) if len(task.modes) > 1 else (_for_first,):
+        # What is no train of impulses is no shaper for several modes.
+        for design in (_for_first, _for_all) if len(task.modes) > 1 and kind in IMPULSE_TYPES else (_for_first,):
             try:
                 shapers.append(design(kind, task, spread))
             except InputError as fault:

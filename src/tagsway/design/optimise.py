@@ -27,6 +27,18 @@ _Vectorised = Callable[[FloatArray], FloatArray]
 ROUNDS = 4
 """Of solving, checking finely, and tightening by what was broken."""
 
+START_M_S2 = 6.0
+START_SWING_RAD = math.radians(75)
+"""Of the reference move that the search begins with: from a wilder one SLSQP does not come back."""
+
+START_STEP_S = 4e-3
+GENTLER = 0.7
+MOST_STARTS = 3
+GENTLEST_M_S2 = 0.3
+
+REACHED_M = 1e-6
+"""From the end point: SLSQP ends nearer, or nowhere."""
+
 DIFFERENCE = 1e-6
 TOLERANCE = 1e-5
 
@@ -82,12 +94,13 @@ def optimise_move(
 
     Notes
     -----
-    A local optimum, started from the reference move. Outside the band it fails faster than a shaper does: show it.
+    A local optimum, started from the reference move, as quick as the swing lets it be; where that leads nowhere, from
+    two gentler ones. Outside the band it fails faster than a shaper does: show it.
     """
     wish = settings or OptimiserSettings()
     begun = time.perf_counter()
     problem = Problem.of(move, spread, limits, wish)
-    vector, rounds = _solve_and_tighten(problem, problem.start(move), limits, wish)
+    vector, rounds = _solve_from_starts(problem, move, limits, wish)
     free_time = float(problem.layout.durations(vector).sum())
     on_grid = problem.on_grid(vector, move.sample_time_ms / 1e3)
     vector, more = _solve_and_tighten(on_grid, on_grid.adopt(vector), limits, wish)
@@ -102,6 +115,30 @@ def optimise_move(
     )
 
 
+def _solve_from_starts(
+    problem: Problem, move: Move, limits: DesignLimits, wish: OptimiserSettings
+) -> tuple[FloatArray, int]:
+    acceleration = min(START_M_S2, limits.acceleration_m_s2 or START_M_S2)
+    fault: NotIdentifiableError | None = None
+    for _ in range(MOST_STARTS):
+        vector = problem.start(move, acceleration)
+        while acceleration > GENTLEST_M_S2 and _swing(problem, vector) > START_SWING_RAD:
+            acceleration *= GENTLER
+            vector = problem.start(move, acceleration)
+        try:
+            return _solve_and_tighten(problem, vector, limits, wish)
+        except NotIdentifiableError as error:
+            fault = error
+            acceleration *= GENTLER
+    assert fault is not None
+    raise fault
+
+
+def _swing(problem: Problem, vector: FloatArray) -> float:
+    outcome = simulate_motion(problem.layout.trajectory(vector), problem.payloads, step_s=START_STEP_S)
+    return float(outcome.swing_rad.max())
+
+
 def _solve_and_tighten(
     problem: Problem, vector: FloatArray, limits: DesignLimits, wish: OptimiserSettings
 ) -> tuple[FloatArray, int]:
@@ -109,6 +146,12 @@ def _solve_and_tighten(
     tight = problem
     for done in range(1, ROUNDS + 1):
         vector = _solve(tight.with_steps_for(vector), vector)
+        short = 0.1 * float(np.abs(problem.equalities(vector[None])).max())
+        if not short <= REACHED_M:
+            raise NotIdentifiableError(
+                f"no optimised move keeps the limits: the best one found ends {1e3 * short:.2g} mm off; allow more, or "
+                "take a shaped move"
+            )
         trajectory = problem.layout.trajectory(vector)
         outcome = simulate_motion(trajectory, problem.checked)
         height = find_extremes(trajectory.coefficients[..., [2]], trajectory) - problem.layout.start_m[2]

@@ -16,10 +16,6 @@ LOWEST_SHARE = 0.2
 """Of the nominal frequency: a normal distribution's tail below it is no payload."""
 
 
-FURTHER_CORNERS = 3
-"""Frequencies of a further mode in a grid over the spread: both edges and the middle."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FurtherMode:
     """A mode beyond the first: a light body that the first one carries at the product's tag, and drives.
@@ -205,15 +201,20 @@ def draw_payloads(spread: PayloadSpread, count: int, *, rng: np.random.Generator
 
 
 def corner_payloads(
-    spread: PayloadSpread, *, frequencies: int, dampings: int, shares: tuple[float, float] = (1.0, 1.0)
+    spread: PayloadSpread,
+    *,
+    frequencies: int,
+    dampings: int,
+    further: int = 3,
+    shares: tuple[float, float] = (1.0, 1.0),
 ) -> Payloads:
     """Return a grid over the middle of the spread, its edges included, for a worst case.
 
     `shares` are those of the frequencies and of the damping ratios that lie inside; a normal spread has no edges, and
-    ends at 97.5 %. A further mode takes both edges of its own spread, and the middle.
+    ends at 97.5 %. Each further mode takes `further` frequencies of its own spread.
     """
     most = 1.0 if spread.shape == "uniform" else 0.975
-    sizes = (frequencies, dampings, *[FURTHER_CORNERS] * len(spread.further))
+    sizes = (frequencies, dampings, *[further] * len(spread.further))
     inside = [min(share, most) for share in (*shares, *[shares[0]] * len(spread.further))]
     axes = [np.linspace((1 - share) / 2, (1 + share) / 2, n) for share, n in zip(inside, sizes, strict=True)]
     return _at_quantiles(spread, np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]))

@@ -107,16 +107,15 @@ class Problem:
             iterations=wish.iterations,
         )
 
-    def start(self, move: Move) -> FloatArray:
-        """Return the reference move, as gentle as a shaped one would be, as a vector."""
+    def start(self, move: Move, acceleration_m_s2: float) -> FloatArray:
+        """Return the reference move at an acceleration as a vector."""
         height = self.heights_m[0]
-        a = min(6.0, self.limits.acceleration_m_s2 or 6.0)
         reference = replace(
             move,
             profile="pick-and-place",
             pick_height_m=height,
             place_height_m=height,
-            max_acceleration_m_s2=a,
+            max_acceleration_m_s2=acceleration_m_s2,
             max_jerk_m_s3=None,
             max_velocity_m_s=None,
             run_time_s=None,
