@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,10 +36,10 @@ placement_window_mm = {WINDOW_MM}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop:
-    """One turn: residuals in mm, and where its files lie."""
+    """One turn: what was designed, residuals in mm, and where its files lie."""
 
     promised_mm: float
-    promised_share: float
+    chosen: dict[str, Any]
     seen_mm: float
     true_mm: float
     noise_mm: float
@@ -76,7 +77,7 @@ def close_loop(scene: Scene, folder: Path, *, kinds: tuple[str, ...] = ("zv", "z
     seen, noise = residual_mm(second / "track.csv", end)
     return Loop(
         promised_mm=WINDOW_MM,
-        promised_share=chosen["share_kept"],
+        chosen=chosen,
         seen_mm=seen,
         true_mm=float(np.abs(sway).max()),
         noise_mm=noise,

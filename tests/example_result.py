@@ -90,6 +90,7 @@ def example() -> tuple[Result, Curves]:
                 bandwidth_hz=24.0,
             ),
             residual_acceleration_m_s2=ResidualAcceleration(max=3.1, rms=0.94),
+            box_error_m=0.0164,
         ),
         shaper=Shaper(
             type="zv",

@@ -130,10 +130,26 @@ def test_a_coarse_scan_of_many_motions_sees_what_the_fine_check_sees() -> None:
 
 @pytest.mark.parametrize("acceleration", [3.0, 12.0])
 def test_the_ends_are_raised_until_the_shaped_path_keeps_the_vertical(acceleration) -> None:
-    planned = plan_candidate([flexible_move()], design_shaper("zvd", MODE), ("x", "z"), acceleration, vertical_m=0.05)
-    kept = vertical_kept(planned.trajectories[0])
-    assert 0.05 - 1e-6 <= kept <= 0.05 + 1e-5
-    assert planned.moves[0].pick_height_m > 0.06
+    shaper = design_shaper("zv", MODE)
+    planned = plan_candidate([flexible_move()], shaper, ("x", "z"), acceleration, vertical_m=0.05)
+    assert 0.05 - 1e-6 <= vertical_kept(planned.trajectories[0]) <= 0.05 + 1e-5
+    # x begins when the unshaped lift has gone H = a t²/2; the shaped one has then gone A1 H + A2 a (t - t2)²/2. It ends
+    # with its second impulse, when the first one's lowering has a (t - t2)²/2 left, the second's H. The lower counts.
+    first, second = shaper.impulses
+    height = planned.moves[0].pick_height_m
+    later = max(math.sqrt(2 * height / acceleration) - second.time_s, 0.0)
+    left = acceleration * later**2 / 2
+    lift = first.amplitude * height + second.amplitude * left
+    lower = first.amplitude * left + second.amplitude * height
+    assert min(lift, lower) == pytest.approx(0.05, abs=2e-6)
+    assert planned.moves[0].place_height_m == height
+
+
+def test_the_ends_are_raised_to_the_vertical_that_is_asked_for_without_shaping_them() -> None:
+    for shaper, axes in ((None, ()), (design_shaper("zv", MODE), ("x",))):
+        planned = plan_candidate([flexible_move()], shaper, axes, 5.0, vertical_m=0.08)
+        assert planned.moves[0].pick_height_m == 0.08
+        assert vertical_kept(planned.trajectories[0]) == pytest.approx(0.08, abs=1e-9)  # identity
 
 
 def test_the_peaks_are_those_of_the_limit_check() -> None:
@@ -198,10 +214,40 @@ def test_the_chosen_move_keeps_its_limits_for_fresh_payloads() -> None:
     assert {c.name for c in advice.candidates} == {"unshaped", "zvd"}
 
 
-def test_limits_that_nothing_can_meet_name_the_one_that_fails_first() -> None:
-    task = small_task(kinds=("zv",), limits=replace(small_task().limits, placement_window_m=1e-6))
-    with pytest.raises(NotIdentifiableError, match="placement_window_mm fails first"):
+@pytest.mark.parametrize(
+    ("limit", "name"),
+    [
+        ({"placement_window_m": 1e-6}, "placement_window_mm"),
+        ({"pcp_acceleration_m_s2": 0.1}, "pcp_acceleration_m_s2"),
+        ({"box_error_m": 1e-5}, "box_error_mm"),
+    ],
+)
+def test_limits_that_nothing_can_meet_name_the_one_that_fails_first(limit, name) -> None:
+    task = small_task(kinds=("zv",), limits=replace(small_task().limits, **limit))
+    with pytest.raises(NotIdentifiableError, match=f": {name} fails first"):
         design_move(task, rng=np.random.default_rng(3), optimise=False)
+
+
+def test_the_box_limits_the_descent_as_the_indicator_has_it() -> None:
+    """A level payload that does not swing is off by what the tool has still to go below the rim."""
+    move = replace(flexible_move(), pick_height_m=0.03, place_height_m=0.03)
+    stiff = PayloadSpread(
+        mode=Mode(natural_frequency_hz=40.0, damping_ratio=0.5),
+        frequency_percent=1.0,
+        damping_low=0.5,
+        damping_high=0.5,
+        length_m=0.05,
+        tag_radius_m=0.001,
+    )
+    trajectory = plan_move(move)
+    payloads = make_payloads(stiff, np.array([40.0]), np.array([0.5]))
+    found = simulate_motion(trajectory, payloads)
+    time = np.linspace(0.6 * trajectory.duration_s, trajectory.duration_s, 20001)
+    places = trajectory(time)
+    below = places[:, 2] - move.to_m[2] < 0.05
+    # Discretisation: a node a millisecond; the tag, a millimetre below the pivot, still swings by 0.1 mm.
+    assert found.box_error_m[0] == pytest.approx(np.abs(places[below, 0] - move.to_m[0]).max(), abs=1e-3)
+    assert simulate_motion(trajectory, payloads).placement_m[0] < 1e-4
 
 
 FAR = replace(flexible_move(), to_m=(0.25, 0.08, -0.767))
@@ -212,6 +258,30 @@ def conveyor() -> Advice:
     """Two place points, and only what is shaped."""
     task = small_task(moves=(flexible_move(), FAR), accelerations_m_s2=np.array([4.2, 6.0, 8.0]), checked=100)
     return design_move(task, rng=np.random.default_rng(3), optimise=False)
+
+
+def test_the_worst_of_the_place_points_is_the_one_whose_swing_the_move_does_not_end_with() -> None:
+    """A level bang-bang move leaves 4 a/ω² sin²(ωT/4) of swing: none to the place where T is two periods."""
+    spread = flexible_spread(frequency_percent=0.01, damping_low=0.0, damping_high=0.0)
+    period, a = 1 / FREQUENCY_HZ, 0.2
+    places = [a * (n * period) ** 2 / 4 for n in (2.0, 3.0)]
+    level = replace(flexible_move(), profile="bang-bang", pick_height_m=0.0, place_height_m=0.0)
+    moves = tuple(replace(level, to_m=(level.from_m[0] + way, 0.0, level.from_m[2])) for way in places)
+    task = small_task(
+        moves=moves,
+        payload=replace(spread, mode=Mode(natural_frequency_hz=FREQUENCY_HZ, damping_ratio=0.0)),
+        kinds=(),
+        accelerations_m_s2=np.array([a]),
+        limits=replace(small_task().limits, placement_window_m=0.1, vertical_m=0.0),
+        checked=20,
+    )
+    advice = design_move(task, rng=np.random.default_rng(3), optimise=False)
+    swung = [simulate_motion(t, make_payloads(spread, np.array([FREQUENCY_HZ]), np.array([0.0]))).placement_m[0]
+             for t in advice.chosen.planned.trajectories]  # fmt: skip
+    assert advice.worst_place_m == moves[1].to_m
+    assert advice.chosen.motion_time_s == pytest.approx(3 * period)
+    assert swung[0] < 2e-5
+    assert swung[1] == pytest.approx(4 * a / (2 * np.pi * FREQUENCY_HZ) ** 2, rel=0.02)  # the swing is not quite small
 
 
 def test_place_points_that_move_share_one_design_and_the_worst_is_shown(conveyor) -> None:

@@ -106,7 +106,7 @@ def test_what_cannot_be_retuned_is_refused() -> None:
 @pytest.mark.parametrize("index", [0, 1])
 def test_a_second_video_sees_what_the_design_promised(index, tmp_path, capsys) -> None:
     loop = close_loop(loop_scene(index), tmp_path)
-    assert loop.promised_share >= 0.95
+    assert loop.chosen["share_kept"] >= 0.95
     assert loop.seen_mm <= WINDOW_MM + 4 * loop.noise_mm
     # Tags of 15 pixels and a sway out of the plane, which the camera sees as one in it: 0.15 mm of bias.
     assert loop.seen_mm == pytest.approx(loop.true_mm, abs=0.15)

@@ -18,7 +18,7 @@ import example_result
 from tagsway.report.charts import make_charts, share_abscissae
 from tagsway.report.page import render_page
 from tagsway.report.style import thin
-from tagsway.report.tables import answers
+from tagsway.report.tables import answers, indicator_rows
 from tagsway.report.traces import MAX_POINTS, rounded
 
 VARIANTS = ["example", "in_pixels", "not_determined", "without_tool", "hostile", "peeled_off"]
@@ -123,6 +123,14 @@ def test_the_page_gives_the_answer_with_its_error_and_the_shaper() -> None:
         "1.710 to 11.900 s",
     ):
         assert words in text
+
+
+def test_the_error_in_the_box_is_among_the_indicators_where_there_was_one() -> None:
+    indicators = example_result.example()[0].indicators
+    assert indicators is not None
+    assert ("error in the box", "16.4 mm") in [(row.label, row.value) for row in indicator_rows(indicators)]
+    level = replace(indicators, box_error_m=None)
+    assert "error in the box" not in [row.label for row in indicator_rows(level)]
 
 
 @pytest.mark.parametrize(("variant", "words"), [("degraded", "Usable with care"), ("not_determined", "does not tell")])

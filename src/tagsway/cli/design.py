@@ -132,6 +132,9 @@ def _task(
     from tagsway.design import DesignTask
     from tagsway.shapers import SHAPER_TYPES
 
+    for kind in kinds or []:
+        if kind not in SHAPER_TYPES:
+            raise InputError(f"--type is {kind!r}: expected one of {', '.join(SHAPER_TYPES)}")
     # A result's shaper is for its first mode; the further ones sway little, and so at their own frequency.
     further = [
         DesignMode(frequency_hz=mode.natural_frequency_hz, damping_ratio=mode.damping_ratio)

@@ -11,7 +11,7 @@ from tagsway.design.motion import simulate_motion
 from tagsway.design.optimise import OptimisedMove, optimise_move
 from tagsway.design.payload import PayloadSpread, corner_payloads, draw_payloads, make_payloads, sample_payloads
 from tagsway.design.planning import PlannedCandidate, ShapedAxes, find_peaks
-from tagsway.design.search import Candidate, SearchSettings, Verdict, find_broken, judge, search_candidate
+from tagsway.design.search import Candidate, SearchSettings, Verdict, find_broken, find_nearest, judge, search_candidate
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import DesignMode, FloatArray, Mode, Move, Notice, Shaper, Spread, Trajectory
 from tagsway.shapers import IMPULSE_TYPES, SHAPER_TYPES, Band, design_multimode, design_shaper
@@ -254,11 +254,12 @@ def _axes_of(move: Move) -> tuple[ShapedAxes, ...]:
 
 
 def _why_nothing(candidates: Sequence[Candidate], limits: DesignLimits) -> str:
-    near = max(candidates, key=lambda c: (c.verdict.share_kept, -c.motion_time_s))
+    near = find_nearest(candidates)
     v = near.verdict
     reached = f"{100 * v.share_kept:.3g} % of the payloads"
     if not math.isnan(v.placement_m):
-        reached += f" (worst: {1e3 * v.placement_m:.3g} mm, {v.pcp_acceleration_m_s2:.3g} m/s²)"
+        box = "" if limits.box_error_m is None else f", {1e3 * v.box_error_m:.3g} mm in the box"
+        reached += f" (worst: {1e3 * v.placement_m:.3g} mm, {v.pcp_acceleration_m_s2:.3g} m/s²{box})"
     return (
         f"no candidate keeps the limits for {100 * limits.share:g} % of the payloads: {v.broken} fails first; the "
         f"nearest, {describe(near)}, keeps the payload's for {reached}; widen that limit, narrow the spread, or "

@@ -90,17 +90,19 @@ def read_limits(
     Raises
     ------
     InputError
-        Where an option and the file state the same limit differently, or the pick height is below the vertical height
-        asked for where it may not be raised.
+        Where an option and the file state the same limit differently.
     """
     limits = move.limits
     stated = _one("max-pcp-acceleration", pcp_acceleration_m_s2, limits.pcp_acceleration_m_s2)
-    in_file = None if limits.placement_window_mm is None else limits.placement_window_mm / 1e3
-    window = _one("placement-window", placement_window_m, in_file)
+    window = _one(
+        "placement-window",
+        None if placement_window_m is None else 1e3 * placement_window_m,
+        limits.placement_window_mm,
+    )
     way = math.dist(move.from_m[:2], move.to_m[:2])
     vertical = min(move.pick_height_m, move.place_height_m)
     return DesignLimits(
-        placement_window_m=DEFAULT_WINDOW_SHARE * way if window is None else window,
+        placement_window_m=DEFAULT_WINDOW_SHARE * way if window is None else window / 1e3,
         pcp_acceleration_m_s2=stated,
         box_error_m=box_error_m,
         acceleration_m_s2=limits.acceleration_m_s2,

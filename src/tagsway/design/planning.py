@@ -69,7 +69,7 @@ def plan_candidate(
     *,
     vertical_m: float,
 ) -> PlannedCandidate:
-    """Plan each move with one acceleration and shaper; where z is shaped, its heights are raised.
+    """Plan each move with one acceleration and shaper; heights are raised to what must stay vertical of the path.
 
     Parameters
     ----------
@@ -94,6 +94,12 @@ def plan_candidate(
             shaped_axes=axes,
             run_time_s=None,
         )
+        if move.profile == "pick-and-place":
+            wanted = replace(
+                wanted,
+                pick_height_m=max(move.pick_height_m, vertical_m),
+                place_height_m=max(move.place_height_m, vertical_m),
+            )
         if "z" in axes and vertical_m > 0 and move.profile == "pick-and-place":
             planned.append(_raise_ends(wanted, shaper, vertical_m))
         else:

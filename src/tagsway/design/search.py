@@ -55,13 +55,17 @@ class Verdict:
     share_kept : float
         Of the payloads, all limits at once; 0 where the robot's own are broken.
     broken : str or None
-        The limit that is broken by most payloads, or by the robot; None where enough keep all.
+        The limit that is broken the most, or the robot's first; None where enough keep all.
+    strain : float
+        How much of its limit the worst of the payload's quantities takes, at the quantile that must keep it: 2 is twice
+        the limit; infinite where nothing was simulated.
     placement_m, pcp_acceleration_m_s2, swing_rad, box_error_m : float
         Worst of the payloads; NaN where nothing was simulated, and of the box where the product never was above it.
     """
 
     share_kept: float
     broken: str | None
+    strain: float = math.inf
     placement_m: float = math.nan
     pcp_acceleration_m_s2: float = math.nan
     swing_rad: float = math.nan
@@ -167,9 +171,15 @@ def search_candidate(
             best = search.find_quickest(nearby) or best
         if best is not None:
             return best
-    # The share says how near; of those that the robot cannot do, the one that fails the last of its limits.
-    seen = [*search.failed, *(c for c in planned if c.verdict.broken not in (None, *GEOMETRIC))]
-    return max(seen, key=lambda c: (c.verdict.share_kept, _rank(c.verdict.broken), -c.motion_time_s))
+    return find_nearest([*search.failed, *(c for c in planned if c.verdict.broken not in (None, *GEOMETRIC))])
+
+
+def find_nearest(candidates: Sequence[Candidate]) -> Candidate:
+    """Return the one that comes nearest to its limits: by share, by strain, then by the last of the robot's limits."""
+    return max(
+        candidates,
+        key=lambda c: (c.verdict.share_kept, -c.verdict.strain, _rank(c.verdict.broken), -c.motion_time_s),
+    )
 
 
 def check_candidate(candidate: Candidate, limits: DesignLimits, payloads: Payloads) -> Candidate:
@@ -185,16 +195,19 @@ def check_candidate(candidate: Candidate, limits: DesignLimits, payloads: Payloa
 
 def judge(outcome: Outcome, limits: DesignLimits) -> Verdict:
     """Return which limits an outcome keeps, for how many payloads."""
-    kept = {"placement_window_mm": outcome.placement_m <= limits.placement_window_m * (1 + NEAR)}
+    taken = {"placement_window_mm": outcome.placement_m / limits.placement_window_m}
     if limits.pcp_acceleration_m_s2 is not None:
-        kept["pcp_acceleration_m_s2"] = outcome.pcp_acceleration_m_s2 <= limits.pcp_acceleration_m_s2 * (1 + NEAR)
+        taken["pcp_acceleration_m_s2"] = outcome.pcp_acceleration_m_s2 / limits.pcp_acceleration_m_s2
     if limits.box_error_m is not None:
-        kept["box_error_mm"] = outcome.box_error_m <= limits.box_error_m * (1 + NEAR)
-    share = float(np.mean(np.all(list(kept.values()), axis=0)))
-    worst = min(kept, key=lambda name: float(np.mean(kept[name])))
+        # A product that never is above the rim cannot be put over it.
+        taken["box_error_mm"] = np.nan_to_num(outcome.box_error_m / limits.box_error_m, nan=math.inf)
+    share = float(np.mean(np.all([values <= 1 + NEAR for values in taken.values()], axis=0)))
+    strains = {name: float(np.quantile(values, limits.share, method="higher")) for name, values in taken.items()}
+    worst = max(strains, key=lambda name: strains[name])
     return Verdict(
         share_kept=share,
         broken=None if share >= limits.share else worst,
+        strain=strains[worst],
         placement_m=float(outcome.placement_m.max()),
         pcp_acceleration_m_s2=float(outcome.pcp_acceleration_m_s2.max()),
         swing_rad=float(outcome.swing_rad.max()),
@@ -285,7 +298,7 @@ def _judge_together(group: list[Candidate], limits: DesignLimits, payloads: Payl
 
 def _with_verdict(candidate: Candidate, verdicts: Sequence[Verdict]) -> Candidate:
     """Return the candidate with the worst of its place points; what breaks the robot's space goes on doing so."""
-    worst = min(verdicts, key=lambda verdict: verdict.share_kept)
+    worst = min(verdicts, key=lambda verdict: (verdict.share_kept, -verdict.strain))
     space = candidate.verdict.broken if candidate.verdict.broken in GEOMETRIC else None
     return replace(candidate, verdict=replace(worst, broken=space or worst.broken))
 

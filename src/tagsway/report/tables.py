@@ -182,6 +182,9 @@ def indicator_rows(indicators: Indicators) -> list[Row]:
         )
     if rest is not None:
         rows.append(Row("after the move", f"{rest.max:.3g} m/s² at most, {rest.rms:.3g} m/s² RMS", "of the product"))
+    if indicators.box_error_m is not None:
+        below = "from the descent on, below a rim 50 mm above its place; the thesis' box has room for 15 mm"
+        rows.append(Row("error in the box", f"{1e3 * indicators.box_error_m:.3g} mm", below))
     return rows
 
 

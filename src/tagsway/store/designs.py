@@ -12,7 +12,7 @@ RETUNE_SCHEMA = "tagsway/retune/1"
 
 CANDIDATE_HEADER = (
     "candidate,shaped_axes,motion_time_s,max_acceleration_m_s2,height_mm,legal,breaks,share_kept,worst_placement_mm,"
-    "worst_pcp_acceleration_m_s2,worst_swing_deg"
+    "worst_pcp_acceleration_m_s2,worst_swing_deg,worst_box_error_mm"
 )
 
 
@@ -31,11 +31,21 @@ def design_document(advice: Advice) -> dict[str, Any]:
             "length_mm": 1e3 * task.payload.length_m,
             "tag_radius_mm": 1e3 * task.payload.tag_radius_m,
             "n": task.payload.n,
+            "further": [
+                {
+                    "frequency_hz": each.mode.natural_frequency_hz,
+                    "damping_ratio": each.mode.damping_ratio,
+                    "frequency_percent": each.frequency_percent,
+                    "gain": each.gain,
+                }
+                for each in task.payload.further
+            ],
         },
         "modes": to_document(task.modes),
         "limits": {
             "placement_window_mm": 1e3 * limits.placement_window_m,
             "pcp_acceleration_m_s2": limits.pcp_acceleration_m_s2,
+            "box_error_mm": None if limits.box_error_m is None else 1e3 * limits.box_error_m,
             "acceleration_m_s2": limits.acceleration_m_s2,
             "velocity_m_s": limits.velocity_m_s,
             "jerk_m_s3": limits.jerk_m_s3,
@@ -71,7 +81,7 @@ def candidates_csv(advice: Advice) -> str:
     rows = []
     for c in advice.candidates:
         v = c.verdict
-        worst = (1e3 * v.placement_m, v.pcp_acceleration_m_s2, np.degrees(v.swing_rad))
+        worst = (1e3 * v.placement_m, v.pcp_acceleration_m_s2, np.degrees(v.swing_rad), 1e3 * v.box_error_m)
         numbers = ["" if np.isnan(value) else f"{value:.4g}" for value in worst]
         rows.append(
             f"{c.name},{'+'.join(c.axes)},{c.motion_time_s:.4f},{c.acceleration_m_s2:.4f},{1e3 * c.height_m:.2f},"
@@ -119,4 +129,5 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
         "worst_placement_mm": number(1e3 * verdict.placement_m),
         "worst_pcp_acceleration_m_s2": number(verdict.pcp_acceleration_m_s2),
         "worst_swing_rad": number(verdict.swing_rad),
+        "worst_box_error_mm": number(1e3 * verdict.box_error_m),
     }
