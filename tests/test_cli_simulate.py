@@ -64,12 +64,20 @@ def test_a_sweep_names_the_pairs(capsys) -> None:
     rows = list(csv.DictReader(io.StringIO(Path("out/rows.csv").read_text())))
     assert [row["max_acceleration_m_s2"] for row in rows] == 3 * ["2.5", "5", "8"]
     assert all(float(row["box_error_mm"]) > 0 for row in rows)
+    pairs = list(csv.DictReader(io.StringIO(Path("out/pairs.csv").read_text())))
+    quickest = min(
+        (row for row in pairs if row["unshaped_max_acceleration_m_s2"] == "8"),
+        key=lambda row: (float(row["shaped_motion_time_s"]), float(row["shaped_overshoot_percent"])),
+    )
+    assert f"{quickest['shaping']} shaped at {quickest['shaped_max_acceleration_m_s2']} m/s²" in said
 
 
 def test_limits_are_scanned_to_both_ends(capsys) -> None:
-    found = json.loads(
-        simulate(capsys, *PAYLOAD, "--accelerations", "4:5:0.5", "--max-overshoot", "2", "--box", "15", "--json")
-    )
+    options = ["--accelerations", "4:5:0.5", "--max-overshoot", "2", "--box", "15", "--json", "--out", "out"]
+    found = json.loads(simulate(capsys, *PAYLOAD, *options))
+    table = list(csv.DictReader(io.StringIO(Path("out/limits.csv").read_text())))
+    last = [row["last_feasible"] and row["last_feasible"]["max_acceleration_m_s2"] for row in found["limits"]]
+    assert [row["last_feasible_max_acceleration_m_s2"] for row in table] == [f"{a:g}" if a else "" for a in last]
     assert len(found["limits"]) == 6
     assert found["limits"][0]["scan_m_s2"] == [4.0, 5.0]
     assert len(found["rows"]) == 9

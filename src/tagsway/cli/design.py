@@ -10,6 +10,7 @@ import typer
 
 from tagsway.cli.designs import NORMAL_95
 from tagsway.cli.modes import Target, read_target
+from tagsway.cli.options import AsJson, Box, Dampings, Frequencies, MaxPcpAcceleration, MoveFile, Origin
 from tagsway.cli.spreads import SpreadWish, read_spread
 from tagsway.errors import InputError
 from tagsway.model import DesignMode, Move
@@ -30,57 +31,55 @@ class SpreadShape(StrEnum):
     UNIFORM = "uniform"
 
 
+FrequencySpreads = Annotated[
+    list[float] | None,
+    typer.Option(
+        help="Of f_n between repeats in percent: a standard deviation, or half the width if uniform; again for "
+        "each further mode.",
+        show_default="measured; for further modes the first one's",
+    ),
+]
+DampingSpread = Annotated[
+    float | None, typer.Option(help="The same of ζ, as a ratio.", show_default="0.3 ζ, or as measured")
+]
+Length = Annotated[
+    float | None, typer.Option(help="Equivalent length of the payload in mm.", show_default="measured, or g/ω²")
+]
+Gains = Annotated[
+    list[float] | None,
+    typer.Option(
+        help="How far a further mode sways per acceleration of its support: 1 is a point on a string; for each.",
+        show_default="as the filmed move tells, or 1",
+    ),
+]
+PlacementWindow = Annotated[
+    float | None,
+    typer.Option(help="In mm: how far off the product may be once the tool stands.", show_default="2 % of the way"),
+]
+Places = Annotated[
+    list[str] | None, typer.Option(help="A further place point X,Y,Z in m, as on a conveyor; again for each.")
+]
+Kinds = Annotated[list[str] | None, typer.Option("--type", help="A shaper to try; again for each.", show_default="all")]
+
+
 def design(
-    move: Annotated[Path, typer.Option(help="move.toml: points, heights, [limits] and [robot].")],
-    origin: Annotated[
-        Path | None, typer.Option("--from", help="result.json of a measurement, or measurements.csv of many.")
-    ] = None,
-    frequency: Annotated[
-        list[float] | None, typer.Option(help="Undamped natural frequency in Hz; again for each further mode.")
-    ] = None,
-    damping: Annotated[list[float] | None, typer.Option(help="Damping ratio; again for each further mode.")] = None,
-    frequency_spread: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="Of f_n between repeats in percent: a standard deviation, or half the width if uniform; again for "
-            "each further mode.",
-            show_default="measured; for further modes the first one's",
-        ),
-    ] = None,
-    damping_spread: Annotated[
-        float | None, typer.Option(help="The same of ζ, as a ratio.", show_default="0.3 ζ, or as measured")
-    ] = None,
+    move: MoveFile,
+    origin: Origin = None,
+    frequency: Frequencies = None,
+    damping: Dampings = None,
+    frequency_spread: FrequencySpreads = None,
+    damping_spread: DampingSpread = None,
     spread_shape: Annotated[SpreadShape, typer.Option(help="Of that spread.")] = SpreadShape.NORMAL,
-    length: Annotated[
-        float | None, typer.Option(help="Equivalent length of the payload in mm.", show_default="measured, or g/ω²")
-    ] = None,
-    gain: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="How far a further mode sways per acceleration of its support: 1 is a point on a string; for each.",
-            show_default="as the filmed move tells, or 1",
-        ),
-    ] = None,
-    max_pcp_acceleration: Annotated[
-        float | None, typer.Option(help="Largest |x''| of the product in m/s²: more peels it off.")
-    ] = None,
-    placement_window: Annotated[
-        float | None,
-        typer.Option(help="In mm: how far off the product may be once the tool stands.", show_default="2 % of the way"),
-    ] = None,
-    box: Annotated[
-        float | None,
-        typer.Option(help="In mm: how far off it may be below a rim of 50 mm, from the descent on."),
-    ] = None,
-    place: Annotated[
-        list[str] | None, typer.Option(help="A further place point X,Y,Z in m, as on a conveyor; again for each.")
-    ] = None,
-    kind: Annotated[
-        list[str] | None, typer.Option("--type", help="A shaper to try; again for each.", show_default="all")
-    ] = None,
+    length: Length = None,
+    gain: Gains = None,
+    max_pcp_acceleration: MaxPcpAcceleration = None,
+    placement_window: PlacementWindow = None,
+    box: Box = None,
+    place: Places = None,
+    kind: Kinds = None,
     optimise: Annotated[bool, typer.Option(help="Look for a move made for the payload too.")] = True,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("design"),
-    json: Annotated[bool, typer.Option("--json", help="Print design.json instead of the table.")] = False,
+    json: AsJson = False,
 ) -> None:
     """Choose shaper, axes and acceleration: the quickest move that keeps its limits for 95 % of the payloads."""
     import numpy as np

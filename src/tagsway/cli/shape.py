@@ -9,6 +9,7 @@ import typer
 from tagsway.cli.candidates import candidate_csv, candidate_table
 from tagsway.cli.designs import Wish, design, design_by_hand
 from tagsway.cli.modes import NO_TARGET, Target, read_target
+from tagsway.cli.options import Dampings, Frequencies, MoveFile, Origin
 from tagsway.errors import InputError
 from tagsway.model import Shaper
 
@@ -47,13 +48,9 @@ class TrajectoryFormat(StrEnum):
 
 
 def shaper(
-    origin: Annotated[
-        Path | None, typer.Option("--from", help="result.json of a measurement, or measurements.csv of many.")
-    ] = None,
-    frequency: Annotated[
-        list[float] | None, typer.Option(help="Undamped natural frequency in Hz; again for each further mode.")
-    ] = None,
-    damping: Annotated[list[float] | None, typer.Option(help="Damping ratio; again for each further mode.")] = None,
+    origin: Origin = None,
+    frequency: Frequencies = None,
+    damping: Dampings = None,
     kind: Annotated[
         str,
         typer.Option(
@@ -111,7 +108,7 @@ def shaper(
 
 
 def trajectory(
-    move: Annotated[Path, typer.Option(help="move.toml.")],
+    move: MoveFile,
     shaper: Annotated[str, typer.Option(help="shaper.json, or none for the unshaped move.")],
     out: Annotated[
         Path | None,

@@ -83,13 +83,46 @@ def pairs_words(pairs: Sequence[Pair]) -> str:
 def rows_csv(rows: Sequence[StudyRow]) -> str:
     """Return rows as CSV; what is not known is empty, lengths are in mm."""
     names = [item.name for item in fields(StudyRow)]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     heads = {"frequency_hz": ["frequency_low_hz", "frequency_high_hz"]}
     heads |= {name: [name.removesuffix("_m") + "_mm"] for name in LENGTHS}
-    writer.writerow([head for name in names for head in heads.get(name, [name])])
-    for row in rows:
-        writer.writerow([cell for name in names for cell in _plain(name, getattr(row, name))])
+    first = [head for name in names for head in heads.get(name, [name])]
+    return _csv([first, *([cell for name in names for cell in _plain(name, getattr(row, name))] for row in rows)])
+
+
+def limits_csv(limits: Sequence[LimitRow]) -> str:
+    """Return limits as CSV, each with its two moves."""
+    heads = ["limit", "shaping", "reached", "scan_from_m_s2", "scan_to_m_s2"]
+    moves = ("before_first", "last_feasible")
+    heads += [f"{move}_{name}" for move in moves for name in _OF_A_MOVE]
+    rows = [
+        [_limit_words(found), found.shaping, str(found.reached).lower(), *_plain("scan_m_s2", found.scan_m_s2)]
+        + [cell for row in (found.before_first, found.last_feasible) for cell in _move_cells(row)]
+        for found in limits
+    ]
+    return _csv([heads, *rows])
+
+
+def pairs_csv(pairs: Sequence[Pair]) -> str:
+    """Return, as CSV, every unshaped move with every shaped one that is no slower and overshoots no more."""
+    heads = ["shaping", "gentler", *(f"{move}_{name}" for move in ("unshaped", "shaped") for name in _OF_A_MOVE)]
+    rows = [
+        [pair.shaped.shaping, str(pair.gentler).lower(), *_move_cells(pair.unshaped), *_move_cells(pair.shaped)]
+        for pair in pairs
+    ]
+    return _csv([heads, *rows])
+
+
+_OF_A_MOVE = ("max_acceleration_m_s2", "motion_time_s", "overshoot_percent", "pcp_acceleration_m_s2")
+
+
+def _move_cells(row: StudyRow | None) -> list[str]:
+    """Return what a table says of one move; nothing where there is none."""
+    return [cell for name in _OF_A_MOVE for cell in _plain(name, None if row is None else getattr(row, name))]
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 

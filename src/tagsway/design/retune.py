@@ -148,15 +148,12 @@ def retune_shaper(
     if spread_percent is not None:
         between = Spread(source="--frequency-spread", natural_frequency_std_percent=spread_percent, n=None)
     corrected = design_shaper(shaper.type, mode, spread=between, source="retuned")
-    now = fit.largest_m
     draws = fit.draw(DRAWS, rng)
     if replan is None:
         old, new = (_residuals(s, draws * [softening, 1.0]) for s in (shaper, corrected))
-        ratio = new / np.maximum(old, 1e-6)
-        expected = ratio * now
+        expected = new / np.maximum(old, 1e-6) * fit.largest_m
     else:
-        velocity, duration = replan(corrected)
-        expected = _simulated_residual(velocity, duration, draws, spread, fit.gain)
+        expected = _simulated_residual(*replan(corrected), draws, spread, fit.gain)
     std = fit.covariance[:2, :2].diagonal() ** 0.5
     return Retuned(
         natural_frequency_hz=Estimate.normal(fit.frequency_hz, float(std[0]), low=0.0),
@@ -164,7 +161,7 @@ def retune_shaper(
         amplitude_m=Estimate.normal(fit.amplitude_m, fit.noise_m, low=0.0),
         phase_rad=Estimate.normal(fit.phase_rad, fit.noise_m / fit.amplitude_m),
         shaper=corrected,
-        residual_m=Estimate.normal(now, fit.noise_m, low=0.0),
+        residual_m=Estimate.normal(fit.largest_m, fit.noise_m, low=0.0),
         expected_m=Estimate.normal(float(np.mean(expected)), float(np.std(expected)), low=0.0),
     )
 
