@@ -27,7 +27,7 @@ from tagsway.scene.optics import Picture, SceneCamera, VideoFormat
 
 SETTINGS = Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03, mass_kg=0.225)
 TRUTH_HZ = 5000.0
-CAMERA = SceneCamera(width=512, height=272, distance_m=1.5, focal_px=1750.0)
+CAMERA = SceneCamera(width=512, height=448, distance_m=1.5, focal_px=1750.0)
 
 
 def film_of(acceleration_m_s2: float, fps_hz: float, noise_grey: float, height_m: float, seed: int) -> Scene:
@@ -37,6 +37,7 @@ def film_of(acceleration_m_s2: float, fps_hz: float, noise_grey: float, height_m
     move = replace(scene.move, max_acceleration_m_s2=acceleration_m_s2, pick_height_m=height_m, place_height_m=height_m)
     return small_scene(
         seed=seed,
+        payload=replace(scene.payload, damping_ratio=0.06),
         move=move,
         duration_s=3.0,
         camera=CAMERA,
@@ -102,7 +103,8 @@ def main() -> None:
 def _pair(true: float | None, seen: float | None, width: int, digits: int) -> str:
     """Return truth and error; lengths in mm. Where one of them is "never", both as they are."""
     if true is None or seen is None:
-        return f"{'never' if true is None else f'{true:.3f}':>{width}}{'never' if seen is None else f'{seen:.3f}':>{digits + 5}}"
+        words = ["never" if value is None else f"{value:.3f}" for value in (true, seen)]
+        return f"{words[0]:>{width}}{words[1]:>{digits + 5}}"
     factor = 1e3 if digits == 2 else 1.0
     return f"{factor * true:>{width}.{digits}f}{factor * (seen - true):>+{digits + 5}.{digits}f}"
 
