@@ -148,6 +148,20 @@ def test_a_lifted_product_has_its_error_in_the_box() -> None:
     assert indicators_of(**simulated(), bandwidth_hz=500.0).box_error_m is None  # type: ignore[arg-type]
 
 
+def test_noise_on_a_level_way_below_the_rim_is_no_descent() -> None:
+    """The tool crosses 48 mm up, the product swings above the rim of 50 mm once, and lowers 10 mm before its place."""
+    time = np.linspace(0, 2, 2001)
+    up = 0.048 * np.clip(np.minimum(time, 2 - time) / 0.4, 0, 1)
+    along = np.interp(time, [0, 0.4, 1.6, 2.0], [0, 0, 0.69, 0.7])
+    noise = np.random.default_rng(3).normal(0, 2e-5, (2, len(time)))
+    tcp = np.stack([along, up + noise[0]], axis=1)
+    pcp = np.stack([along, up + 0.006 * np.exp(-(((time - 1) / 0.05) ** 2)) - 0.05 + noise[1]], axis=1)
+    push = np.zeros_like(pcp)
+    found = indicators_of(time, tcp, pcp, push, end_s=2.0, final_m=np.array([0.7, -0.05]), bandwidth_hz=500.0)
+    # From a millimetre below the top: 10 mm, less a 48th of the way down.
+    assert found.box_error_m == pytest.approx(0.01, abs=3e-4)
+
+
 def test_a_reference_of_its_own_changes_the_percentages_only() -> None:
     travel = indicators_of(**simulated(), bandwidth_hz=500.0)  # type: ignore[arg-type]
     place = indicators_of(**simulated(), reference_m=0.35, bandwidth_hz=500.0)  # type: ignore[arg-type]

@@ -27,6 +27,9 @@ SETTLED = 0.02
 RIM_M = 0.05
 """Height of the box of document 1, Figure 8.3; 15 mm of room on either side."""
 
+LEVEL_M = 1e-3
+"""A tool that is lower than its highest by less has not begun to descend: else a camera's noise on a level way would."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criteria:
@@ -161,8 +164,7 @@ def find_box_error(
     rim_m : float
         Above the resting place.
     """
-    rounding = 1e-9
-    top: BoolArray = np.asarray(tool_up >= largest(tool_up) - rounding, dtype=bool)
+    top: BoolArray = np.asarray(tool_up >= largest(tool_up) - LEVEL_M, dtype=bool)
     descending = _index(above_end) > _last_true(top)
     inside = descending & (above_end < rim_m)
     was_above = np.any(above_end >= rim_m, axis=0)

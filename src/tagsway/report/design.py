@@ -14,6 +14,9 @@ from tagsway.report.style import BLUE, GREEN, GREY, INK, ORANGE, RULE, VERMILION
 MOST_MM = 80.0
 """Above it a placement is simply a miss."""
 
+MOST_ROWS = 36
+"""Candidates that are drawn, the best first; all of them are in candidates.csv."""
+
 STYLES = ((BLUE, "-"), (GREY, "--"), (VERMILION, "-."))
 
 
@@ -30,7 +33,7 @@ def plot_design(advice: Advice) -> Figure:
     Figure
         A new one.
     """
-    count = len(advice.candidates) + (advice.optimised is not None)
+    count = len(advice.candidates[:MOST_ROWS]) + (advice.optimised is not None)
     figure = Figure(figsize=(10, 4.2 + 0.2 * count), layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(2, 2, height_ratios=(0.2 * count + 0.6, 3.4))
@@ -55,7 +58,7 @@ def _draw_times(panel: Axes, advice: Advice) -> None:
             GREEN if c.legal else GREY,
             "" if c.legal else f"breaks {c.verdict.broken}",
         )
-        for c in advice.candidates
+        for c in advice.candidates[:MOST_ROWS]
     ]
     if advice.optimised is not None:
         rows.insert(0, ("optimised", advice.optimised.move.motion_time_s, ORANGE, "made for the payload"))
@@ -65,7 +68,9 @@ def _draw_times(panel: Axes, advice: Advice) -> None:
     panel.bar_label(bars, labels, padding=4, size="small", color=INK)
     panel.set_yticks(range(len(rows)), names, size="small")
     panel.set_ylim(len(rows) - 0.4, -0.6)
-    panel.set_xlabel("motion time (s); grey: breaks a limit")
+    left_out = len(advice.candidates) - MOST_ROWS
+    more = f"; {left_out} more in candidates.csv" if left_out > 0 else ""
+    panel.set_xlabel(f"motion time (s); grey: breaks a limit{more}")
     panel.set_xlim(0, 1.3 * max(times))
     panel.spines[["top", "right", "left"]].set_visible(False)
     panel.grid(axis="x", color=RULE, lw=0.7)
@@ -101,7 +106,7 @@ def _draw_beyond(panel: Axes, advice: Advice) -> None:
     panel.axhline(1e3 * advice.task.limits.placement_window_m, color=INK, ls=":", lw=1)
     panel.set_ylim(0, min(MOST_MM, 1.05e3 * float(beyond.placement_m.max()) + 1))
     panel.set_xlabel("natural frequency off the design's (%); shaded: the spread")
-    panel.set_ylabel("placement error (mm)")
+    panel.set_ylabel("placement error (mm); dotted: the window")
     panel.legend(frameon=False, fontsize="small")
     panel.spines[["top", "right"]].set_visible(False)
     panel.grid(color=RULE, lw=0.6)
