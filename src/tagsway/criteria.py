@@ -28,7 +28,7 @@ RIM_M = 0.05
 """Height of the box of document 1, Figure 8.3; 15 mm of room on either side."""
 
 LEVEL_M = 1e-3
-"""A tool that is lower than its highest by less has not begun to descend: else a camera's noise on a level way would."""
+"""A tool lower than its highest by less has not begun to descend: else a camera's noise on a level way would."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
