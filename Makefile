@@ -29,8 +29,8 @@ pictures: $(VENV)/installed  ## the pictures of README and docs, made by the pro
 	$(BIN)/identify sample_data/flexible.mp4 --tag-size 30 --mass 225 --move sample_data/move.toml --quiet
 	cp $(addprefix flexible-identify/figures/,decay.png pendulum.png residual.png trajectory.png) docs/pictures/
 	$(BIN)/identify design --from flexible-identify/result.json --move sample_data/move.toml --frequency-spread 3 \
-		--max-pcp-acceleration 20 --box 15
-	cp design/design.png docs/pictures/
+		--max-pcp-acceleration 20 --box 15 --out flexible-identify/design
+	cp flexible-identify/design/design.png docs/pictures/
 	$(BIN)/python docs/draw_figures.py docs/pictures
 
 clean:
