@@ -51,7 +51,9 @@ def join_channel(
     start = fit_linear_part(other, float(fit.parameters[OMEGA]), float(fit.parameters[ALPHA]))
     first = np.where(np.isin(np.arange(len(fit.parameters)), fit.terms.shared), fit.parameters, 0.0)
     first[[COSINE, SINE, OFFSET]] = start[0][[COSINE, SINE, OFFSET]]
-    second = fit_decay(other, first, fit.terms, scale=max(start[1], 1e-12), prior=prior)
+    # The angle's amplitude is the swing itself.
+    terms = replace(fit.terms, curvature=1.0 if fit.terms.curvature > 0 else 0.0)
+    second = fit_decay(other, first, terms, scale=max(start[1], 1e-12), prior=prior)
     if not amplitude_significance(second) > CLEAR:
         return fit, ()
     shared = fit.terms.shared

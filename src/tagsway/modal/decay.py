@@ -2,14 +2,19 @@
 
 With E the amplitude over that at t = 0,
 
-    E' = -α E - β E² - γ                                    viscous damping, drag and Coulomb friction
-    θ' = ω_d (1 - σ E² - ¾ σ² E⁴)                           softening
-    u  = Re w (1 + p σ E² + s σ² E⁴) + h σ Re w³ / |Z|² + drift + v + further modes,      w = Z E e^{iθ}
+    E' = -α E - β E² (1 - 0.35 σ E²) - γ (1 + 5/12 σ E²)    viscous damping, drag and Coulomb friction
+    θ' = ω_d (1 - σ E² - ... - retarding(E))                softening, and what damping does to the frequency
+    u  = Re w (1 + p σ E² + ...) + Re |Z| (w / |w|)³ (h σ E³ + ...) + drift + v + further modes,      w = Z E e^{iθ}
 
-where σ is the fraction by which the frequency is lower at t = 0 than for a small swing. The constants follow from the
-action, which decays as e^{-2αt}: p = 1/2, s = 0.7, h = -1/12 for the arc r q, whatever spring helps gravity;
-p = -3/2, s = -0.77, h = -3/4 for the projection r sin q under gravity alone. v is what the measured motion of the
-point of suspension adds, and each further mode is a linear decay with a pole of its own.
+where σ is the fraction by which the frequency is lower at t = 0 than for a small swing, to first order. The constants
+follow from the action, which decays as e^{-2αt}: p = 1/2 and h = -1/12 for the arc r q, whatever spring helps gravity;
+p = -3/2 and h = -3/4 for the projection r sin q under gravity alone. Drag and friction change the frequency in the
+second order only, by what averaging to that order gives [1]_. v is what the measured motion of the point of suspension
+adds, and each further mode is a linear decay with a pole of its own.
+
+References
+----------
+.. [1] N. N. Bogoliubov and Y. A. Mitropolsky, Asymptotic Methods in the Theory of Non-Linear Oscillations (1961), §2.
 """
 
 from dataclasses import dataclass, replace
@@ -19,11 +24,18 @@ import numpy as np
 
 from tagsway.model import FloatArray
 
-ARC = (0.5, 0.7, -1 / 12)
-PROJECTION = (-1.5, -0.77, -0.75)
+ARC = (0.5, 1.0426, -0.0207, -1 / 12, -0.268, 0.00516)
+PROJECTION = (-1.5, -0.77, 0.0, -0.75, -0.19, 0.0)
+"""p, with what σ² and σ q0² add in the second order, and h, with the same."""
 
-_NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)]) / 2 + 0.5
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
+_NODES = np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5
+"""Gauss', of a step: half of its length is the weight of each."""
+
+STEEPEST = 0.3
+"""Friction's loss over the amplitude, over ω_d, up to which the second order is one: just before it ends the motion."""
+
+WIDEST = 30.0
+"""Relative amplitude, and square of a swing in rad, beyond which nothing is fitted: the expansion ends there."""
 
 OMEGA, ALPHA, COSINE, SINE, OFFSET, SOFTENING, DRAG, SLOPE, FRICTION, GAIN = range(10)
 """Places of the parameters: rad/s, 1/s, length, length, length, 1, 1/s, length/s, 1/s, 1.
@@ -37,7 +49,11 @@ PLACES = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terms:
-    """What a decay is made of, beside ω_d, α, an amplitude, a phase and an offset."""
+    """What a decay is made of, beside ω_d, α, an amplitude, a phase and an offset.
+
+    `curvature` is that of the path, in 1 / length: the swing in radians is the amplitude times it. At 0 it is taken
+    from the softening, as if nothing but gravity pulled.
+    """
 
     softening: bool = False
     drag: bool = False
@@ -45,7 +61,8 @@ class Terms:
     friction: bool = False
     driven: bool = False
     further: int = 0
-    shape: tuple[float, float, float] = ARC
+    shape: tuple[float, ...] = ARC
+    curvature: float = 0.0
 
     @property
     def free(self) -> list[int]:
@@ -157,38 +174,18 @@ def predict(
     value : ndarray, shape (n,)
     jacobian : ndarray, shape (n, 10 + 4 k)
     """
-    value, by_alpha, by_drag, by_friction = envelope(time_s, p[ALPHA], p[DRAG], p[FRICTION])
-    omega, soft = p[OMEGA], p[SOFTENING]
-    slowed = np.zeros((4, 2, len(time_s)))
-    if terms.softening:
-        slowed = _integrals(time_s, p[ALPHA], p[DRAG], p[FRICTION])
-    lag, second = soft * slowed[:, 0] + 0.75 * soft**2 * slowed[:, 1], slowed[0, 0] + 1.5 * soft * slowed[0, 1]
-    z = complex(p[COSINE], -p[SINE])
-    size = max(abs(z), 1e-300)
-    turn = np.exp(1j * omega * (time_s - lag[0]))
-    w = z * value * turn
-    bulge, second_bulge, overtone = terms.shape
-    # u = Re F(Z, E, θ): the derivatives of F by ln w and by E² at fixed w.
-    cube = overtone * soft * (w / size) ** 2 * w
-    lowered = soft * value**2
-    swell = 1 + bulge * lowered + second_bulge * lowered**2
-    along = w * swell + 3 * cube
-    by_envelope = (along + (2 * bulge * lowered + 4 * second_bulge * lowered**2) * w).real / np.maximum(value, 1e-300)
-    turned = -along.imag
     jacobian = np.zeros((len(time_s), len(p)))
-    jacobian[:, OMEGA] = turned * (time_s - lag[0])
-    for place, by, late in ((ALPHA, by_alpha, lag[1]), (DRAG, by_drag, lag[2]), (FRICTION, by_friction, lag[3])):
-        jacobian[:, place] = by_envelope * by - turned * omega * late
-    jacobian[:, SOFTENING] = (
-        (bulge + 2 * second_bulge * lowered) * value**2 * w + overtone * (w / size) ** 2 * w
-    ).real - turned * omega * second
-    jacobian[:, COSINE] = (along / z if z else turn * value).real - 2 * cube.real * z.real / size**2
-    jacobian[:, SINE] = (-1j * (along / z if z else turn * value)).real + 2 * cube.real * z.imag / size**2
+    if terms.softening or terms.drag or terms.friction:
+        total = _add_swing(time_s, p, terms, jacobian)
+    else:
+        first, rows = [OMEGA, ALPHA, COSINE, SINE], np.empty((len(time_s), 4))
+        total = _add_mode(time_s, p[first], rows)
+        jacobian[:, first] = rows
     jacobian[:, OFFSET] = 1.0
     jacobian[:, SLOPE] = time_s
-    total = (w * swell + cube).real + p[OFFSET] + p[SLOPE] * time_s
+    total = total + p[OFFSET] + p[SLOPE] * time_s
     if drive is not None:
-        swung, by_omega, by_rate = respond(time_s, drive, omega, p[ALPHA])
+        swung, by_omega, by_rate = respond(time_s, drive, p[OMEGA], p[ALPHA])
         total += p[GAIN] * swung
         jacobian[:, GAIN] = swung
         jacobian[:, OMEGA] += p[GAIN] * by_omega
@@ -196,6 +193,47 @@ def predict(
     for k in range(PLACES, len(p), 4):
         total += _add_mode(time_s, p[k : k + 4], jacobian[:, k : k + 4])
     return total, jacobian
+
+
+def _add_swing(time_s: FloatArray, p: FloatArray, terms: Terms, jacobian: FloatArray) -> FloatArray:
+    """Return the first mode, whose frequency and damping depend on its amplitude, and write its derivatives.
+
+    u = Re F(Z, E, θ), of which those by E that a softening's part in the drag makes are left out.
+    """
+    omega, alpha, drag, friction = p[[OMEGA, ALPHA, DRAG, FRICTION]]
+    value, by_alpha, by_drag, by_friction = envelope(time_s, alpha, drag, friction)
+    soft, angle = _swing_size(p, terms)
+    lag = _find_lag(time_s, p, soft, angle)
+    moving = value > 0
+    value = np.minimum(value - (alpha * value + drag * value**2 + friction * moving) * lag[6], WIDEST)
+    z = complex(p[COSINE], -p[SINE])
+    size = max(abs(z), 1e-300)
+    turn = np.exp(1j * omega * (time_s - lag[0]))
+    bulge, of_squares, of_angle, overtone, *more = terms.shape
+    bulge_2, overtone_2 = of_squares * soft**2 + of_angle * soft * angle, more[0] * soft**2 + more[1] * soft * angle
+    square = value**2
+    triple = size * (z / size * turn) ** 3
+    squares = moving * (drag * square / 20 - friction / 12) / omega
+    w = z * value * turn
+    cube = triple * (overtone * soft * value**3 + overtone_2 * value**5 - 1j * squares)
+    along = w * (1 + bulge * soft * square + bulge_2 * square**2) + 3 * cube
+    by_value = (z * turn * (1 + 3 * bulge * soft * square + 5 * bulge_2 * square**2)).real
+    by_value += (
+        triple * (3 * overtone * soft * square + 5 * overtone_2 * square**2 - 0.1j * drag * value / omega)
+    ).real
+    turned = -along.imag
+    jacobian[:, OMEGA] = turned * (time_s - lag[0] + 2 * lag[1]) - triple.imag * squares / omega
+    for place, by, late in ((ALPHA, by_alpha, lag[2]), (DRAG, by_drag, lag[3]), (FRICTION, by_friction, lag[4])):
+        jacobian[:, place] = by_value * by - turned * omega * late
+    jacobian[:, DRAG] += triple.imag * square / (20 * omega)
+    jacobian[:, FRICTION] -= triple.imag * moving / (12 * omega)
+    jacobian[:, SOFTENING] = (
+        (bulge + 2 * of_squares * soft * square) * square * w + overtone * value**3 * triple
+    ).real - turned * omega * lag[5]
+    by_z = along / z if z else turn * value
+    jacobian[:, COSINE] = by_z.real - 2 * cube.real * z.real / size**2
+    jacobian[:, SINE] = by_z.imag + 2 * cube.real * z.imag / size**2
+    return np.asarray((along - 2 * cube).real, dtype=float)
 
 
 def _add_mode(time_s: FloatArray, p: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -248,13 +286,75 @@ def respond(
     )
 
 
-def _integrals(time_s: FloatArray, alpha: float, drag: float, friction: float) -> FloatArray:
-    """Return ∫E² and ∫E⁴ from 0 to each time, then both by α, by β and by γ; shape (4, 2, n)."""
+def _swing_size(p: FloatArray, terms: Terms) -> tuple[float, float]:
+    """Return σ, kept where the expansion may say something, and q0², the first amplitude's angle squared, in rad²."""
+    soft = float(np.clip(p[SOFTENING], -1.0, 1.0))
+    if terms.curvature > 0:
+        return soft, min(terms.curvature**2 * float(p[COSINE] ** 2 + p[SINE] ** 2), WIDEST)
+    return soft, 16 * soft
+
+
+def slowed_by(p: FloatArray, terms: Terms, square: float) -> tuple[float, float]:
+    """Return by which fraction a swing of E² is slower than a small one, and its derivative by σ."""
+    slowed, _, by_soft = _soften(np.array(square), *_swing_size(p, terms))
+    return float(slowed), float(by_soft)
+
+
+def _soften(square: FloatArray, soft: float, angle: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return by which fraction a swing is slower than a small one, and its derivatives by E² and by σ.
+
+    Parameters
+    ----------
+    square : ndarray
+        E².
+    soft : float
+        σ, which is κ q0² / 16 for a share κ of gravity in ω_n².
+    angle : float
+        q0² in rad², which is held.
+
+    Returns
+    -------
+    tuple of ndarray
+
+    Notes
+    -----
+    1 - ω(I) / ω_n of H = p²/2 + (1 - κ) q²/2 + κ (1 - cos q) in powers of the action I = q0² E² / 2, to the third.
+    """
+    x = square
+    second = 17 / 12 * soft**2 - soft * angle / 24
+    third = 3.472 * soft**3 - 0.1528 * soft**2 * angle + 8.68e-4 * soft * angle**2
+    by_soft = x + x**2 * (17 / 6 * soft - angle / 24)
+    by_soft = by_soft + x**3 * (10.416 * soft**2 - 0.3056 * soft * angle + 8.68e-4 * angle**2)
+    return soft * x + second * x**2 + third * x**3, soft + 2 * second * x + 3 * third * x**2, by_soft
+
+
+def _find_lag(time_s: FloatArray, p: FloatArray, soft: float, angle: float) -> FloatArray:
+    """Return ∫(softening + retarding), the latter alone, and the whole's by α, β, γ and σ; shape (7, n), in s.
+
+    Averaged to the second order, drag and friction retard by
+    (3/2 (α + γ/E) γ/E + α β E / 2 + 2 β γ / 3 + 0.0919 β² E²) / ω². The last row is by how much sooner, in s, the plain
+    envelope has its amplitude than the one of which a softening changes the drag: E' solves the equation of its change.
+    """
+    omega, alpha, drag, friction = p[[OMEGA, ALPHA, DRAG, FRICTION]]
     steps = np.diff(time_s, prepend=0.0)
-    nodes = (time_s - steps)[:, None] + steps[:, None] * _NODES
-    value, *slopes = envelope(nodes, alpha, drag, friction)
-    square, cube = value**2, value**3
-    rows = [square, square**2]
-    for by in slopes:
-        rows += [2 * value * by, 4 * cube * by]
-    return np.cumsum(np.stack(rows) @ _WEIGHTS * steps, axis=1).reshape(4, 2, -1)
+    value, *slopes = envelope((time_s - steps)[:, None] + steps[:, None] * _NODES, alpha, drag, friction)
+    low = STEEPEST * value * omega < abs(friction)
+    over = np.where(low, 0.0, 1 / np.maximum(value, 1e-6))
+    loss = np.where(low, np.sign(friction) * STEEPEST * omega, friction * over)
+    rate = alpha * value + drag * value**2 + friction
+    changed = soft * value**2 * (5 / 12 * friction - 0.35 * drag * value**2)
+    late = np.where(low, 0.0, changed / np.where(np.abs(rate) > 1e-9 * omega, rate, np.inf)).mean(axis=1) * steps
+    whole = np.cumsum(late)
+    bent = value - rate * ((whole - late)[:, None] + late[:, None] * _NODES)
+    slowed, by_square, by_soft = _soften(np.minimum(bent, WIDEST) ** 2, soft, angle)
+    retard = 1.5 * (alpha + loss) * loss + drag * (0.5 * alpha * value + friction / 1.5 + 0.0919 * drag * value**2)
+    by_value = -1.5 * (alpha + 2 * loss) * loss * over + drag * (0.5 * alpha + 0.1838 * drag * value)
+    direct = (
+        1.5 * loss + 0.5 * drag * value,
+        0.5 * alpha * value + friction / 1.5 + 0.1838 * drag * value**2,
+        1.5 * (alpha + 2 * loss) * over + drag / 1.5,
+    )
+    by_value = 2 * value * by_square + by_value / omega**2
+    rows = [slowed + retard / omega**2, retard / omega**2]
+    rows += [by_value * slope + one / omega**2 for slope, one in zip(slopes, direct, strict=True)]
+    return np.vstack([np.cumsum(np.stack([*rows, by_soft]).mean(axis=2) * steps, axis=1), whole])

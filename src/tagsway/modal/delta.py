@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from tagsway.modal.bound import to_modal
-from tagsway.modal.decay import ALPHA, DRAG, FRICTION, OFFSET, OMEGA, SLOPE, SOFTENING, envelope
+from tagsway.modal.decay import ALPHA, DRAG, FRICTION, OFFSET, OMEGA, SLOPE, SOFTENING, envelope, slowed_by
 from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.model import Estimate, FloatArray
 
@@ -76,11 +76,10 @@ def estimate_of(fit: DecayFit, value: float, gradient: FloatArray, *, low: float
 def frequency_at(fit: DecayFit, square: float) -> tuple[float, FloatArray]:
     """Return the undamped frequency at a squared relative amplitude, and its derivatives."""
     value, jacobian = to_modal(fit.parameters)
-    soft = fit.parameters[SOFTENING]
-    factor = 1 - soft * square - 0.75 * (soft * square) ** 2
-    gradient = jacobian[0] * factor
-    gradient[SOFTENING] -= value[0] * square * (1 + 1.5 * soft * square)
-    return float(value[0]) * factor, gradient
+    slowed, by_soft = slowed_by(fit.parameters, fit.terms, square)
+    gradient = jacobian[0] * (1 - slowed)
+    gradient[SOFTENING] -= value[0] * by_soft
+    return float(value[0]) * (1 - slowed), gradient
 
 
 def damping_at(fit: DecayFit, relative: float) -> tuple[float, FloatArray]:

@@ -246,7 +246,7 @@ def _fit_first(
 ) -> tuple[DecayFit, Softening | None]:
     """Return a single mode, with the softening of its arc and what is known of that."""
     shape = ARC if sway.planar else PROJECTION
-    fit = fit_decay(samples, p, Terms(shape=shape), scale=scale)
+    fit = fit_decay(samples, p, Terms(shape=shape, curvature=sway.curvature), scale=scale)
     if not (sway.planar and sway.curvature > 0):
         return fit, None
     for _ in range(2):
