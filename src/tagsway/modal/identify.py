@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.modal.air import weigh_drag
 from tagsway.modal.backbone import draw_backbone, fit_pieces, mean_amplitude
 from tagsway.modal.blocks import average_blocks, first_omega
 from tagsway.modal.bound import to_modal
@@ -28,6 +27,7 @@ from tagsway.modal.decay import (
 from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.delta import centre, damping_at, estimate_of, frequency_at
 from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay
+from tagsway.modal.losses import weigh_losses
 from tagsway.modal.modes import choose_modes, mode_energy
 from tagsway.modal.notices import find_notices
 from tagsway.modal.peaks import Peaks, find_peaks
@@ -128,7 +128,7 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         drive_std=sway.drive_std,
     )
     samples, fit, prior = fit_sway(sway, every, in_metres=track.length_unit == "m")
-    hidden = weigh_drag(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
+    hidden = weigh_losses(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
     fit = hidden.fit if hidden is not None and hidden.sure else fit
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
     angle = _angle_samples(sway, begin, fit)

@@ -1,0 +1,171 @@
+"""The losses of a payload that are too small to be seen, and too large to be left out of the errors."""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from tagsway.modal.decay import COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING, predict
+from tagsway.modal.samples import DecayFit, Samples, Softening
+from tagsway.modal.uncertainty import SOFT, judge_fit
+from tagsway.model import FloatArray
+
+DRAG_STD_PER_RAD = 0.05
+"""Quadratic drag of a payload in air, as a term of ζ per radian of swing and 4/3π: bags and boxes of 0.1 to 1 kg."""
+
+DEAD_BAND_STD_RAD = 0.002
+"""Dry friction over the stiffness: a payload comes to rest within a tenth of a degree of where it hangs."""
+
+SURELY = 0.95
+"""Weight of the decays with further losses from which on their values are taken."""
+
+REACH = 4.0
+"""Times their weight, that these decays count in the errors: values apart have wider tails than a normal distribution
+of the same variance, and from a weight of 1/20 on the interval of 95 % must reach to the others."""
+
+MOST_EVIDENCE = 100.0
+"""Log of the odds beyond which nothing changes any more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HiddenLosses:
+    """A decay with losses that no test has shown, beside one without.
+
+    Parameters
+    ----------
+    fit : DecayFit
+        With them, under their priors: the mean of all such decays.
+    weight : float
+        Of them all; the rest is that of the decay without.
+    """
+
+    fit: DecayFit
+    weight: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether its values are to be taken."""
+        return self.weight > SURELY
+
+    def widen(self, plain: DecayFit) -> DecayFit:
+        """Return a decay without further losses whose errors reach to the ones with them."""
+        change = self.fit.parameters - plain.parameters
+        covariance = self.fit.covariance + np.outer(change, change)
+        share = min(1.0, REACH * self.weight)
+        return replace(plain, covariance=(1 - share) * plain.covariance + share * covariance)
+
+
+def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> HiddenLosses | None:
+    """Return the decay with the drag and the dry friction that no test has shown, and how likely they are there.
+
+    Parameters
+    ----------
+    samples : Samples
+        What was fitted.
+    fit : DecayFit
+        With the terms that stand out of the noise.
+    curvature : float
+        Of the payload's path, in 1 / length: the swing in radians is the amplitude times it; 0 where it is not known.
+    prior : Softening or None
+        As it was used.
+
+    Returns
+    -------
+    HiddenLosses or None
+        None where both are terms already, or the swing in radians is not known.
+
+    Notes
+    -----
+    A decay of a few periods looks the same with a little more drag and a little less viscous damping, or with drag and
+    friction whose parts of the damping fall and rise with the amplitude. Fitted without them, ζ for a small swing
+    is off by many times its error; fitted with them, ζ is needlessly unsure of a payload that has none. So each set of
+    losses V that are not fitted, the empty one too, is held to be as likely beforehand, each loss half-normal of width
+    s, and weighed by what the data say [1]_: with û and its precision P where all are free,
+
+        Z_V / Z_0 = |1 + S P_VV|^-1/2 exp(½ bᵀ (P_VV + S⁻¹)⁻¹ b) ∏ 2 Φ(m_i / σ_i),      b = P_V û
+
+    where m and σ are the mean and the errors that are left. The signs aside, the prior enters as one more measurement.
+    Values are those of the decay without until the others' weight is large; the errors are those of all, about these
+    values.
+
+    References
+    ----------
+    .. [1] J. A. Hoeting et al., Statistical Science 14 (1999) 382-417.
+    """
+    absent = [place for place in (DRAG, FRICTION) if place not in fit.terms.free]
+    if not absent or not curvature > 0:
+        return None
+    loose = _fit_near(samples, fit, absent, prior)
+    block = np.ix_(absent, absent)
+    covariance = loose.covariance[block]
+    if not (np.all(np.isfinite(loose.parameters)) and np.all(np.isfinite(covariance)) and np.all(np.diag(covariance))):
+        return None
+    p = loose.parameters
+    swing_rad, omega = float(np.hypot(p[COSINE], p[SINE])) * curvature, float(p[OMEGA])
+    width = {
+        DRAG: 4 / (3 * np.pi) * DRAG_STD_PER_RAD * omega * swing_rad,
+        FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
+    }
+    std = np.array([width[place] for place in absent])
+    mean, spread, weight = _average_sets(p[absent] / std, covariance / np.outer(std, std))
+    gain: FloatArray = loose.covariance[:, absent] @ np.linalg.pinv(covariance, hermitian=True)
+    parameters = p + gain @ (std * mean - p[absent])
+    left = loose.covariance - gain @ covariance @ gain.T
+    held = replace(
+        loose,
+        parameters=parameters,
+        residual=samples.value - predict(samples.time_s, parameters, loose.terms, samples.drive)[0],
+        covariance=left + gain @ (spread * np.outer(std, std)) @ gain.T,
+    )
+    return HiddenLosses(fit=held, weight=weight)
+
+
+def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softening | None) -> DecayFit:
+    """Return the fit with further terms after one step from a fit without: they are small, or they would be seen."""
+    terms = fit.terms
+    for place in places:
+        terms = terms.with_place(place)
+    judged = judge_fit(samples, fit.parameters, terms, scale=fit.scale, prior=prior, deviance=fit.deviance)
+    free = terms.free
+    rows = predict(samples.time_s, fit.parameters, terms, samples.drive)[1][:, free]
+    rows = rows / samples.spread[:, None] / fit.scale
+    reduced = fit.residual / samples.spread / fit.scale
+    bend = 1 + (reduced / SOFT) ** 2
+    pull = rows.T @ (reduced / np.sqrt(bend)) / float(np.mean(bend**-1.5))
+    if prior is not None and prior.std > 0 and terms.softening:
+        pull[free.index(SOFTENING)] += (prior.mean - fit.parameters[SOFTENING]) / prior.std**2
+    p = fit.parameters.copy()
+    p[free] += judged.bound[np.ix_(free, free)] @ pull
+    return replace(judged, parameters=p)
+
+
+def _average_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return mean and covariance of all sets of losses but the empty one, and their weight beside that.
+
+    Parameters
+    ----------
+    value : ndarray, shape (k,)
+        Of the losses, where all are free, over the widths of their priors.
+    covariance : ndarray, shape (k, k)
+        Of these.
+    """
+    precision = np.linalg.pinv(covariance, hermitian=True)
+    pull, size = precision @ value, len(value)
+    log_odds, means, spreads = [], [], []
+    for chosen in (list(c) for k in range(size) for c in combinations(range(size), k + 1)):
+        block = np.ix_(chosen, chosen)
+        left = np.linalg.inv(precision[block] + np.eye(len(chosen)))
+        mean, spread = np.zeros(size), np.zeros((size, size))
+        mean[chosen], spread[block] = left @ pull[chosen], left
+        fits = 0.5 * float(pull[chosen] @ mean[chosen] + np.linalg.slogdet(left)[1])
+        signs = float(np.sum(np.log(2) + log_ndtr(mean[chosen] / np.sqrt(np.diag(left)))))
+        log_odds.append(min(fits + signs, MOST_EVIDENCE))
+        means.append(mean)
+        spreads.append(spread)
+    odds = np.exp(log_odds)
+    share = odds / np.sum(odds)
+    mean = share @ np.array(means)
+    away = np.array(means) - mean
+    spread = np.einsum("k,kij->ij", share, np.array(spreads)) + (away * share[:, None]).T @ away
+    return mean, spread, float(np.sum(odds) / (1 + np.sum(odds)))
