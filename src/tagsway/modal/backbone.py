@@ -35,7 +35,7 @@ def _amplitude(sway: Sway, fit: DecayFit) -> Estimate:
     gradient = np.zeros(len(p))
     gradient[[COSINE, SINE]] = p[COSINE] / way, p[SINE] / way
     angle = sway.curvature * way
-    if angle > 0:
+    if angle > 0 and not sway.angular:
         # Beyond a right angle the bob comes back over the main axis: the farthest point is the radius.
         value = float(np.sin(min(angle, np.pi / 2))) / sway.curvature
         return estimate_of(fit, value, gradient * max(float(np.cos(angle)), 0.0), low=0.0)

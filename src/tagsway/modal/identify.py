@@ -342,7 +342,7 @@ def _decay_curve(window: Window, sway: Sway, samples: Samples, fit: DecayFit, pe
     fitted = sway.chord(centre(replace(samples, value=value), fit))
     relative = find_envelope(samples.time_s, p[ALPHA], p[DRAG], p[FRICTION])[0]
     way = float(np.hypot(p[COSINE], p[SINE])) * relative
-    if sway.curvature > 0:
+    if sway.curvature > 0 and not sway.angular:
         way = np.minimum(way, np.pi / 2 / sway.curvature)
     return DecayCurve(
         time_s=sway.time_s,

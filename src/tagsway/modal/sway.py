@@ -38,7 +38,9 @@ class Sway:
     curvature_std : float
         Its standard error.
     planar : bool
-        Whether both coordinates were seen, so that a curved path would have shown.
+        Whether both coordinates were seen, so that a curved path would have shown; an angle shows its path, too.
+    angular : bool
+        Whether the value is an angle in rad: the path's curvature is 1, and nothing is projected.
     axis_rad : float
         Main axis, from x towards z.
     drive : ndarray, shape (n,), or None
@@ -64,10 +66,11 @@ class Sway:
     angle_rad: FloatArray
     angle_std_rad: FloatArray
     angle_stated_std: float
+    angular: bool = False
 
     def chord(self, way: FloatArray) -> FloatArray:
         """Return the displacement along the main axis at these ways along the path, counted from equilibrium."""
-        if self.curvature == 0:
+        if self.curvature == 0 or self.angular:
             return way
         return np.asarray(np.sin(self.curvature * way) / self.curvature, dtype=float)
 
@@ -161,6 +164,8 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     planar = planar and arc
     stated = np.hypot(*(std * direction).T)
     value, curvature, curvature_std = _way_along_arc(along, across, steady) if planar else (along, 0.0, 0.0)
+    angular = arc and not planar and track.length_unit == "rad"
+    curvature = 1.0 if angular else curvature
     drive, drive_std = _find_drive(track, kept, direction)
     return Sway(
         time_s=time,
@@ -169,7 +174,8 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         stated_std=find_image_noise(np.hypot(*(whole_std * direction).T)),
         curvature=curvature,
         curvature_std=curvature_std,
-        planar=planar,
+        planar=planar or angular,
+        angular=angular,
         axis_rad=float(axis),
         drive=drive,
         drive_std=drive_std,

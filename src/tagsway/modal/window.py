@@ -13,7 +13,7 @@ from tagsway.modal.least_squares import DecayFit, Samples, extend, fit_decay
 from tagsway.modal.rests import find_rests
 from tagsway.modal.significance import require_oscillation, significance
 from tagsway.modal.start import find_start
-from tagsway.modal.sway import measure_sway
+from tagsway.modal.sway import measure_sway, remove_spikes
 from tagsway.model import CleanTrack, Event, FloatArray, Notice, Track, Window
 
 DEPARTED = 0.03
@@ -28,6 +28,9 @@ may be even, too, and a decay's frequency changes with its amplitude."""
 
 VISIBLE = 8.0
 """Standard errors of an amplitude above which a decay is followed by its latest piece."""
+
+LARGEST_RAD = 1.3
+"""Swing of a recorded angle up to which a decay is sought: beyond, the expansion of its frequency leaves its ground."""
 
 MOST_SAMPLES = 6000
 """In which a swing that has no visible extremes is looked for."""
@@ -116,7 +119,7 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
         if not rest.start_s < last_s:
             continue
         try:
-            found.append(_find_free(track, replace(rest, end_s=min(rest.end_s, last_s))))
+            found.append(_find_free(track, _after_large_swings(track, replace(rest, end_s=min(rest.end_s, last_s)))))
         except NotIdentifiableError as error:
             reasons.append(str(error))
     if not found and parted is not None:
@@ -129,6 +132,19 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
         raise NotIdentifiableError(reasons[0] if len(reasons) == 1 else "nothing swings while the tool is at rest")
     best = max(found, key=lambda candidate: candidate.score)
     return FreeVibration(window=best.window, notices=_explain(best, found))
+
+
+def _after_large_swings(track: Track, rest: Window) -> Window:
+    """Return the part of a rest in which a recorded angle stays small; all of it where that part is short."""
+    if track.length_unit != "rad":
+        return rest
+    inside = (track.time_s >= rest.start_s) & (track.time_s <= rest.end_s) & np.isfinite(track.pcp.position[:, 0])
+    time, angle = track.time_s[inside], remove_spikes(track.pcp.position[inside, 0])
+    level = float(np.median(angle[len(angle) // 2 :])) if len(angle) else 0.0
+    large = np.flatnonzero(np.abs(angle - level) > LARGEST_RAD)
+    if large.size == 0 or not large[-1] < 0.6 * len(time):
+        return rest
+    return replace(rest, start_s=float(time[large[-1] + 1]))
 
 
 def _explain(best: _Candidate, found: Sequence[_Candidate]) -> tuple[Notice, ...]:
@@ -144,7 +160,11 @@ def _explain(best: _Candidate, found: Sequence[_Candidate]) -> tuple[Notice, ...
 def _find_free(track: Track, rest: Window) -> _Candidate:
     where = f"between {rest.start_s:g} and {rest.end_s:g} s"
     sway = measure_sway(track, rest, arc=False)
-    samples = Samples(time_s=sway.time_s - rest.start_s, value=sway.value, spread=sway.spread)
+    value = sway.value
+    if track.length_unit == "rad" and len(value):
+        # As a camera would have seen it: the decay that is followed is that of a projection.
+        value = np.sin(np.clip(value - np.median(value), -np.pi / 2, np.pi / 2))
+    samples = Samples(time_s=sway.time_s - rest.start_s, value=value, spread=sway.spread)
     if len(samples.time_s) < 8 or not float(np.ptp(samples.value)) > 0:
         raise NotIdentifiableError(f"nothing swings {where}: the product does not move")
     core = find_core(samples)
