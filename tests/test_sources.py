@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import netcdf_file
 
 from tagsway.errors import InputError
 from tagsway.store.sources.grid import find_grids, to_number
@@ -143,6 +144,55 @@ def test_a_pose_table_that_leaves_questions_asks_them(tmp_path, parts, fps, word
         read(tmp_path, deeplabcut(parts), fps_hz=fps)
 
 
+def movement(path, keypoints, *, unit="seconds"):
+    """Write what xarray writes of movement's data set in classic netCDF: names as rows of letters."""
+    with netcdf_file(path, "w") as file:
+        file.fps, file.time_unit = RATE_HZ, unit
+        for name, values in {"keypoints": keypoints, "individuals": ["one"], "space": ["x", "y"]}.items():
+            letters = np.array([list(value.ljust(9, "\0")) for value in values], dtype="S1")
+            file.createDimension(name, len(values))
+            if name == "keypoints":
+                file.createDimension("string9", 9)
+            file.createVariable(name, "c", (name, "string9"))[:] = letters
+        file.createDimension("time", len(TIME))
+        file.createVariable("time", "d", ("time",))[:] = TIME if unit == "seconds" else np.arange(len(TIME))
+        place = np.stack([1e3 * X, 1e3 * Z], axis=1)[:, :, None, None] + np.arange(len(keypoints))[None, None, :, None]
+        file.createVariable("position", "d", ("time", "space", "keypoints", "individuals"))[:] = place
+        sure = file.createVariable("confidence", "d", ("time", "keypoints", "individuals"))
+        sure[:] = np.where(np.arange(len(TIME)) == 7, 0.1, 0.9)[:, None, None] * np.ones((1, len(keypoints), 1))
+    return path
+
+
+@pytest.mark.parametrize("unit", ["seconds", "frames"])
+def test_movements_classic_netcdf_is_read(tmp_path, unit) -> None:
+    source = read_source(movement(tmp_path / "poses.nc", ["pcp"], unit=unit))
+    seen = np.arange(len(TIME)) != 7
+    assert_holds(source, np.where(seen, 1e3 * X, np.nan), np.where(seen, -1e3 * Z, np.nan), unit="px")
+    assert codes(source) == {"no_tag_size", "points_not_seen"}
+
+
+def test_movements_points_are_told_by_name(tmp_path) -> None:
+    source = read_source(movement(tmp_path / "poses.nc", ["product", "tool"]))
+    assert source.track.tcp is not None
+    np.testing.assert_allclose((source.track.tcp.position - source.track.pcp.position)[0], [1.0, -1.0], atol=1e-6)
+    with pytest.raises(InputError, match="which point"):
+        read_source(movement(tmp_path / "two.nc", ["a", "b"]))
+
+
+def test_movements_hdf5_is_read_where_h5py_is_there(tmp_path) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "poses.nc"
+    with h5py.File(path, "w") as file:
+        file.attrs["fps"], file.attrs["time_unit"] = RATE_HZ, "seconds"
+        scales = {"time": TIME, "space": ["x", "y"], "keypoints": ["bob"], "individuals": ["one"]}
+        for name, values in scales.items():
+            file.create_dataset(name, data=values).make_scale(name)
+        position = file.create_dataset("position", data=np.stack([1e3 * X, 1e3 * Z], axis=1)[:, :, None, None])
+        for place, name in enumerate(scales):
+            position.dims[place].attach_scale(file[name])
+    assert_holds(read_source(path), 1e3 * X, -1e3 * Z, unit="px")
+
+
 @pytest.mark.parametrize(("delimiter", "decimal"), [(",", "."), ("\t", "."), ("\t", ","), (";", ","), (";", ".")])
 @pytest.mark.parametrize("name", ["Linear Acceleration", "Acceleration"])
 def test_phyphox_in_each_of_its_dialects(tmp_path, delimiter, decimal, name) -> None:
@@ -207,7 +257,7 @@ def test_frames_become_times_with_a_rate_alone(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("content", "word"),
     [
-        (b"\x89HDF\r\n\x1a\n" + bytes(50), "HDF5"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(50), "HDF5 file"),
         (b"CDF\x01" + bytes(50), "netCDF"),
         (b"PK\x03\x04" + bytes(50), "unpack"),
         (b"<KinoveaVideoAnalysis></KinoveaVideoAnalysis>", "Kinovea's own"),

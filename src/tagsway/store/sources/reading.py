@@ -7,6 +7,7 @@ from tagsway.store.sources.build import TrackSource
 from tagsway.store.sources.columns import read_columns, with_notice
 from tagsway.store.sources.grid import Grid, find_grids
 from tagsway.store.sources.kinovea import is_kinovea_text, is_xml, read_kinovea_text, read_xml_sheet
+from tagsway.store.sources.movement import is_movement, read_movement
 from tagsway.store.sources.own import is_own, read_own
 from tagsway.store.sources.poses import is_pose_table, read_poses
 from tagsway.store.sources.single import find_single, read_single
@@ -37,6 +38,8 @@ def recognise(path: Path, *, columns: tuple[str, ...] | None, fps_hz: float | No
     InputError
         Where it is no table, where it is not clear which columns are meant, or where its times do not rise.
     """
+    if is_movement(path):
+        return read_movement(path, fps_hz=fps_hz)
     text = read_text(path, expected=EXPECTED)
     if is_xml(text):
         return read_xml_sheet(text, path, fps_hz=fps_hz, columns=columns)

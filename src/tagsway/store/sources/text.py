@@ -13,8 +13,6 @@ MARKS = (
 """Byte order marks; UTF-32 is not written by anything that records a motion."""
 
 BINARY = (
-    (b"\x89HDF", "an HDF5 file, such as movement's netCDF or DeepLabCut's .h5: export it as CSV"),
-    (b"CDF", "a netCDF file, such as movement's: export it as CSV, in DeepLabCut's layout"),
     (
         b"PK\x03\x04",
         "a zip file, such as an .xlsx or .ods sheet or phyphox' archive: unpack it, or save the sheet as CSV",
