@@ -414,6 +414,16 @@ def test_the_other_estimators_say_how_they_were_made() -> None:
     assert wide.ci95[0] <= 0.005 <= wide.ci95[1], "and its error says so"
 
 
+def test_the_decrement_over_cycles_pays_for_what_drag_adds_to_it() -> None:
+    time, angle, _ = swing(0.5, damping=0.005, quadratic_drag_per_rad=0.2)
+    x, z = 0.05 * np.array([np.sin(angle), -np.cos(angle)])
+    x, z = np.array([x, z]) + 2e-5 * np.random.default_rng(24).standard_normal((2, len(time)))
+    ratio = identify_modes(make_track(time, x, z), whole(time)).details.decrement_over_cycles
+    assert ratio.damping_ratio is not None
+    assert ratio.damping_ratio.value > 0.01
+    assert ratio.damping_ratio.ci95[0] <= 0.005 <= ratio.damping_ratio.ci95[1]
+
+
 def test_smooth_wandering_is_no_decay() -> None:
     rng = np.random.default_rng(23)
     time = np.arange(500) / RATE_HZ

@@ -183,7 +183,7 @@ def test_movements_hdf5_is_read_where_h5py_is_there(tmp_path) -> None:
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "poses.nc"
     with h5py.File(path, "w") as file:
-        file.attrs["fps"], file.attrs["time_unit"] = RATE_HZ, "seconds"
+        file.attrs["fps"], file.attrs["time_unit"] = [RATE_HZ], "seconds"
         scales = {"time": TIME, "space": ["x", "y"], "keypoints": ["bob"], "individuals": ["one"]}
         for name, values in scales.items():
             file.create_dataset(name, data=values).make_scale(name)

@@ -36,6 +36,8 @@ def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estima
     half = measure_half_power(samples.time_s, centre(samples, fit), near_hz=frequency)
     clean = measure_half_power(samples.time_s, centre(samples, fit) - fit.residual, near_hz=frequency)
     cycles, rate = measure_decrement(peaks, noise=fit.scale)
+    curve_peaks = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, 2 * np.pi / fit.parameters[OMEGA])
+    _, on_curve = measure_decrement(curve_peaks, noise=fit.scale)
     return EstimatorDetails(
         spectrum_window="Hann",
         spectrum_resolution_hz=2 / span,
@@ -53,11 +55,16 @@ def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estima
         decrement_cycles=cycles,
         decrement_over_cycles=EstimatorResult(
             natural_frequency_hz=None,
-            damping_ratio=None
-            if rate is None
-            else Estimate.normal(rate.value / float(np.hypot(2 * np.pi, rate.value)), rate.std / (2 * np.pi), low=0.0),
+            damping_ratio=_with_bias(_of_decrement(rate), _of_decrement(on_curve), damping),
         ),
     )
+
+
+def _of_decrement(rate: Estimate | None) -> Estimate | None:
+    """Return ζ = δ / √((2π)² + δ²)."""
+    if rate is None:
+        return None
+    return Estimate.normal(rate.value / float(np.hypot(2 * np.pi, rate.value)), rate.std / (2 * np.pi))
 
 
 def _from_zero(estimate: Estimate) -> Estimate:

@@ -105,7 +105,9 @@ def _make(
     has_confidence: bool,
 ) -> _Table:
     confidence = _ordered(*array("confidence"), (LAYOUT[0], *LAYOUT[2:])) if has_confidence else None
-    time, fps = array("time")[0].astype(float), float(attributes.get("fps") or np.nan)
+    # netCDF's attributes are arrays, of one number too.
+    rate = np.ravel(attributes.get("fps", np.nan))[0]
+    time, fps = array("time")[0].astype(float), float(rate) if rate else np.nan
     unit = attributes.get("time_unit", "seconds" if fps > 0 else "frames")
     unit = unit.decode() if isinstance(unit, bytes) else str(unit)
     seconds = time if unit == "seconds" else time / fps
