@@ -11,7 +11,7 @@ from tagsway.filters import clean_track
 from tagsway.modal import find_window
 from tagsway.modal.events import describe_events, find_events
 from tagsway.model import Event, FloatArray, Settings, Track, Window
-from tagsway.pipeline import identify
+from tagsway.pipeline import identify, write_measurement
 from tagsway.store.tracks import write_track
 
 G = 9.81
@@ -153,3 +153,13 @@ def test_a_window_that_is_stated_across_a_peel_off_is_refused(tmp_path) -> None:
     before = identify(file, Settings(window=Window(start_s=2.0, end_s=3.1))).result
     assert before.modal is not None
     assert [event.kind for event in before.events] == ["peel_off"]
+
+
+def test_a_peel_off_in_the_move_has_a_page_that_tells_it(tmp_path) -> None:
+    file, folder = tmp_path / "track.csv", tmp_path / "out"
+    write_track(file, peel_off(record(FLEXIBLE, pick_and_place(10.0), seed=3), 0.5, floor_m=0.2), None)
+    measured = identify(file, Settings())
+    write_measurement(measured, folder)
+    assert measured.not_determined is not None
+    assert "peeled off at 0.5" in (folder / "report.html").read_text()
+    assert (folder / "figures" / "track.png").exists()

@@ -115,7 +115,7 @@ def _report(measurement: "Measurement", folder: Path, *, as_json: bool, quiet: b
         typer.echo(dump(result_document(measurement.result)), nl=False)
     elif not quiet:
         typer.echo("\n".join(summary_lines(measurement.result)))
-        opened = "result.json" if measurement.not_determined else "report.html"
+        opened = "report.html" if measurement.has_page else "result.json"
         typer.echo(f"\nwritten to {folder}/ — open {folder / opened}")
     if measurement.not_determined is not None:
         raise NotIdentifiableError(measurement.not_determined)

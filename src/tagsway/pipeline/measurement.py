@@ -111,6 +111,11 @@ class Measurement:
     planned: PlannedMove | None
     not_determined: str | None
 
+    @property
+    def has_page(self) -> bool:
+        """Whether there is something to look at: what was determined, or an event that is why nothing was."""
+        return self.not_determined is None or bool(self.result.events)
+
 
 def identify(
     file: Path,

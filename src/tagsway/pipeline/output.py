@@ -40,7 +40,8 @@ def write_measurement(
     Parameters
     ----------
     measurement : Measurement
-        Where it is not determined, only result.json and track.csv are written.
+        Where it is not determined, only result.json and track.csv are written; the page, too, where something happened
+        to the grip.
     folder : Path
         Made where it is missing. What an earlier measurement left there and this one does not have is removed, so that
         no file in it belongs to another result; what is not a measurement's is left alone.
@@ -100,6 +101,7 @@ def _write_all(measurement: Measurement, folder: Path) -> None:
             text, description = measurement.planned.files()
             write_text(folder / "trajectory.csv", text)
             write_text(folder / "trajectory.json", dump(description))
+    if measurement.has_page:
         write_figures(result, measurement.curves, folder / "figures")
         write_text(folder / "report.html", render_page(result, measurement.curves, title=result.source.file))
     write_result(folder / RESULT, result)
