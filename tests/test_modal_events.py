@@ -161,5 +161,5 @@ def test_a_peel_off_in_the_move_has_a_page_that_tells_it(tmp_path) -> None:
     measured = identify(file, Settings())
     write_measurement(measured, folder)
     assert measured.not_determined is not None
-    assert "peeled off at 0.5" in (folder / "report.html").read_text()
+    assert "The product peeled off at " in (folder / "report.html").read_text()
     assert (folder / "figures" / "track.png").exists()
