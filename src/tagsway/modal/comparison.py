@@ -8,12 +8,12 @@ from tagsway.modal.bound import to_modal
 from tagsway.modal.decay import ALPHA, OMEGA
 from tagsway.modal.delta import centre, estimate_of, small_swing_damping
 from tagsway.modal.least_squares import DecayFit, Samples
-from tagsway.modal.peaks import Peaks, find_peaks, measure_decay_rate, measure_decrement, measure_period
+from tagsway.modal.peaks import Peaks, measure_decay_rate, measure_decrement, measure_period
 from tagsway.modal.spectrum import find_peaks_of, find_spectrum, find_spectrum_peak, measure_half_power
 from tagsway.model import Estimate, Estimates, EstimatorDetails, EstimatorResult, FloatArray, SpectrumCurve
 
 
-def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> EstimatorDetails:
+def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks, *, on_curve: Peaks) -> EstimatorDetails:
     """Return how fine the spectrum is, and the two estimators that are only shown for comparison.
 
     Parameters
@@ -22,8 +22,8 @@ def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estima
         What was fitted.
     fit : DecayFit
         Of these samples.
-    peaks : Peaks
-        Of the same.
+    peaks, on_curve : Peaks
+        Of the same, and of the fitted curve.
 
     Returns
     -------
@@ -36,8 +36,7 @@ def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estima
     half = measure_half_power(samples.time_s, centre(samples, fit), near_hz=frequency)
     clean = measure_half_power(samples.time_s, centre(samples, fit) - fit.residual, near_hz=frequency)
     cycles, rate = measure_decrement(peaks, noise=fit.scale)
-    curve_peaks = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, 2 * np.pi / fit.parameters[OMEGA])
-    _, on_curve = measure_decrement(curve_peaks, noise=fit.scale)
+    of_curve = measure_decrement(on_curve, noise=fit.scale)[1]
     return EstimatorDetails(
         spectrum_window="Hann",
         spectrum_resolution_hz=2 / span,
@@ -55,7 +54,7 @@ def describe_estimators(samples: Samples, fit: DecayFit, peaks: Peaks) -> Estima
         decrement_cycles=cycles,
         decrement_over_cycles=EstimatorResult(
             natural_frequency_hz=None,
-            damping_ratio=_with_bias(_of_decrement(rate), _of_decrement(on_curve), damping),
+            damping_ratio=_with_bias(_of_decrement(rate), _of_decrement(of_curve), damping),
         ),
     )
 
@@ -73,7 +72,9 @@ def _from_zero(estimate: Estimate) -> Estimate:
     return replace(estimate, value=max(estimate.value, 0.0), ci95=(max(low, 0.0), high))
 
 
-def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks, *, held: bool = True) -> Estimates:
+def compare_estimators(
+    samples: Samples, fit: DecayFit, peaks: Peaks, *, on_curve: Peaks, held: bool = True
+) -> Estimates:
     """Return all estimators; each rival's error holds how far it is off on the fitted curve itself."""
     (frequency, damping), jacobian = to_modal(fit.parameters)
     damped = float(fit.parameters[OMEGA]) / (2 * np.pi)
@@ -81,7 +82,6 @@ def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks, *, held: b
     clean = centre(samples, fit) - fit.residual
     # A vibration that grows is not a free decay: it has no damping ratio.
     decay_rate = small_swing_damping(fit, samples.time_s, held=held)
-    clean_peaks = find_peaks(samples.time_s, clean, 1 / damped)
 
     def frequency_of(found: Peaks) -> Estimate | None:
         period = measure_period(found)
@@ -104,8 +104,8 @@ def compare_estimators(samples: Samples, fit: DecayFit, peaks: Peaks, *, held: b
             ci95=(max(float(value) - half, 0.0), max(float(value) + half, 0.0)),
         )
 
-    periods = _with_bias(frequency_of(peaks), frequency_of(clean_peaks), frequency)
-    decrement = _with_bias(damping_of(peaks), damping_of(clean_peaks), damping)
+    periods = _with_bias(frequency_of(peaks), frequency_of(on_curve), frequency)
+    decrement = _with_bias(damping_of(peaks), damping_of(on_curve), damping)
     return Estimates(
         maximum_likelihood=EstimatorResult(
             natural_frequency_hz=estimate_of(fit, frequency, jacobian[0], low=0.0),

@@ -134,9 +134,11 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     angle = _angle_samples(sway, begin, fit)
     fit, contradictions = join_channel(samples, fit, angle, prior=prior)
     fit = hidden.widen(fit) if hidden is not None and not hidden.sure else fit
-    peaks = find_peaks(samples.time_s, centre(samples, fit), 2 * np.pi / fit.parameters[OMEGA])
-    estimates = compare_estimators(samples, fit, peaks, held=track.tcp is not None)
-    details = describe_estimators(samples, fit, peaks)
+    period = float(2 * np.pi / fit.parameters[OMEGA])
+    peaks = find_peaks(samples.time_s, centre(samples, fit), period)
+    on_curve = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, period)
+    estimates = compare_estimators(samples, fit, peaks, on_curve=on_curve, held=track.tcp is not None)
+    details = describe_estimators(samples, fit, peaks, on_curve=on_curve)
     pieces = fit_pieces(sway, samples, fit)
     residual = every.value - predict(begin, fit.parameters, fit.terms, every.drive)[0]
     noise = MAD_TO_STD * float(np.median(np.abs(residual / every.spread)))

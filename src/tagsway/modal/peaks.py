@@ -73,16 +73,23 @@ def _vertex(
     time_s: FloatArray, value: FloatArray, near_s: float, half_s: float, sign: float
 ) -> tuple[float, float] | None:
     for _ in range(2):
-        inside = np.abs(time_s - near_s) <= half_s
+        inside = slice(*np.searchsorted(time_s, (near_s - half_s, near_s + half_s)))
         x = (time_s[inside] - near_s) / half_s
         if len(x) < 3 or not (x[0] < -0.4 and x[-1] > 0.4) or float(np.max(np.diff(x))) > 0.8:
             return None
-        a, b, c = np.polyfit(x, value[inside], 2)
+        c, b, a = _fit_parabola(x, value[inside])
         if not sign * a < 0 or not abs(b) < 2 * abs(a):
             return None
         shift = -b / (2 * a)
         near_s += float(np.clip(shift, -1, 1)) * half_s
     return (near_s, float(c - b**2 / (4 * a))) if abs(shift) < 1 else None
+
+
+def _fit_parabola(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
+    """Return c, b and a of c + b x + a x²: from -1 to 1 the normal equations are well conditioned."""
+    rows = np.stack([np.ones(len(x)), x, x * x])
+    c, b, a = np.linalg.solve(rows @ rows.T, rows @ y).tolist()
+    return c, b, a
 
 
 def measure_period(peaks: Peaks) -> Estimate | None:

@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import next_fast_len
 from scipy.optimize import minimize_scalar
 
 from tagsway.modal.noise import grid_places
 from tagsway.model import FloatArray, SpectrumCurve
 
 PADDING = 8
-"""How many times the record's length is transformed."""
+"""How many times the record's length is transformed, at least: up to a length that is transformed fast."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,7 @@ def find_spectrum(time_s: FloatArray, value: FloatArray) -> SpectrumCurve:
     level = float(window @ value / np.sum(window))
     grid = np.zeros(int(place[-1]) + 1)
     grid[place] = window * (value - level)
-    n = PADDING * len(grid)
+    n = next_fast_len(PADDING * len(grid), real=True)
     step = (time_s[-1] - time_s[0]) / max(int(place[-1]), 1)
     amplitude = 2 * np.abs(np.fft.rfft(grid, n)) / np.sum(window)
     return SpectrumCurve(frequency_hz=np.fft.rfftfreq(n, step), amplitude=amplitude)
@@ -128,7 +129,7 @@ def measure_half_power(time_s: FloatArray, value: FloatArray, *, near_hz: float)
     grid = np.zeros(int(place[-1]) + 1)
     grid[place] = value - np.mean(value)
     step = (time_s[-1] - time_s[0]) / max(int(place[-1]), 1)
-    n = PADDING * len(grid)
+    n = next_fast_len(PADDING * len(grid), real=True)
     f, a = np.fft.rfftfreq(n, step), np.abs(np.fft.rfft(grid, n))
     inside = (f > near_hz / 1.5) & (f < near_hz * 1.5)
     if np.count_nonzero(inside) < 3:
