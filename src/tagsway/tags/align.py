@@ -52,8 +52,8 @@ class Aligner:
     -----
     Gauss-Newton steps on the image's own pixels (`refine`) take a good prediction to the noise: one is enough from a
     quarter of a pixel, and no pixel is resampled there, so no grid beats with another, and the noise stays white.
-    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_. Once the noise is known, most
-    frames of a tag of middling size are refined on samples (`quick`), and every eighth on its pixels.
+    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_. Once the noise is known,
+    most frames of a tag of middling size are refined on samples (`quick`), and every eighth on its pixels.
 
     Not for tags under about 12 px, nor where what is printed is not the family's own pattern.
 
