@@ -27,7 +27,8 @@ SUSPECT = ("overshoot_percent", "max_pcp_acceleration_m_s2", "residual_rms_m_s2"
 LEAST_FOR_SUSPECT = 5
 """Of fewer repeats, two that happen to agree make any other an outlier."""
 
-MOST_SUSPECTS = 5
+MOST_SUSPECTS, LEAST_FOR_SEVERAL = 5, 15
+"""That are looked for and named of a condition, and the repeats from which on there may be more than one."""
 
 
 def find_concerns(table: pd.DataFrame, conditions: Sequence[str], groups: Sequence[str]) -> tuple[Notice, ...]:
@@ -168,7 +169,8 @@ def _suspects(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[
     for part in parts:
         for column in SUSPECT:
             values = part[column].to_numpy(dtype=float)
-            out = np.isfinite(values) & ~reject_by_esd(values, level=level).kept
+            most = MOST_SUSPECTS if np.count_nonzero(np.isfinite(values)) >= LEAST_FOR_SEVERAL else None
+            out = np.isfinite(values) & ~reject_by_esd(values, most=most, level=level).kept
             found += [f"{file} ({column})" for file in part.loc[out, "file"]]
     if found:
         more = f" and {len(found) - MOST_SUSPECTS} more" if len(found) > MOST_SUSPECTS else ""
