@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-MoveFile = Annotated[Path, typer.Option(help="move.toml: points, heights, [limits] and [robot].")]
+MoveFile = Annotated[Path, typer.Option(help="move.toml: points, heights, limits and robot.")]
 Origin = Annotated[
     Path | None, typer.Option("--from", help="result.json of a measurement, or measurements.csv of many.")
 ]
