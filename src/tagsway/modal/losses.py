@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.optimize import brentq
+from scipy.special import log_ndtr, ndtr
 
-from tagsway.modal.decay import COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING, predict
+from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING, predict
 from tagsway.modal.samples import DecayFit, Samples, Softening
 from tagsway.modal.uncertainty import SOFT, judge_fit
-from tagsway.model import FloatArray
+from tagsway.model import NORMAL_95, FloatArray
 
 DRAG_STD_PER_RAD = 0.05
 """Quadratic drag of a payload in air, as a term of ζ per radian of swing and 4/3π: bags and boxes of 0.1 to 1 kg."""
@@ -17,12 +18,11 @@ DRAG_STD_PER_RAD = 0.05
 DEAD_BAND_STD_RAD = 0.002
 """Dry friction over the stiffness: a payload comes to rest within a tenth of a degree of where it hangs."""
 
+COVERED = 0.95
+"""Of what is likely, in an interval."""
+
 SURELY = 0.95
 """Weight of the decays with further losses from which on their values are taken."""
-
-REACH = 4.0
-"""Times their weight, that these decays count in the errors: values apart have wider tails than a normal distribution
-of the same variance, and from a weight of 1/20 on the interval of 95 % must reach to the others."""
 
 MOST_EVIDENCE = 100.0
 """Log of the odds beyond which nothing changes any more."""
@@ -38,10 +38,13 @@ class HiddenLosses:
         With them, under their priors: the mean of all such decays.
     weight : float
         Of them all; the rest is that of the decay without.
+    sets : ndarray, shape (k, 3)
+        Of each set of losses: its weight, the viscous rate α under it, and that one's standard error.
     """
 
     fit: DecayFit
     weight: float
+    sets: FloatArray
 
     @property
     def sure(self) -> bool:
@@ -49,11 +52,26 @@ class HiddenLosses:
         return self.weight > SURELY
 
     def widen(self, plain: DecayFit) -> DecayFit:
-        """Return a decay without further losses whose errors reach to the ones with them."""
+        """Return a decay without further losses whose errors reach to the ones with them.
+
+        So far that 95 % of all decays' α, each by its weight, lie as near to its own.
+        """
         change = self.fit.parameters - plain.parameters
-        covariance = self.fit.covariance + np.outer(change, change)
-        share = min(1.0, REACH * self.weight)
-        return replace(plain, covariance=(1 - share) * plain.covariance + share * covariance)
+        every = self.fit.covariance + np.outer(change, change)
+        own = float(np.sqrt(plain.covariance[ALPHA, ALPHA]))
+        weight, away, std = np.vstack([[1 - self.weight, 0.0, own], self.sets - [0.0, plain.parameters[ALPHA], 0.0]]).T
+
+        std = np.maximum(std, 1e-12 * abs(plain.parameters[OMEGA]))
+
+        def outside(reach: float) -> float:
+            tails = ndtr((away - reach) / std) + ndtr((-away - reach) / std)
+            return float(weight @ tails) - (1 - COVERED)
+
+        farthest = 10 * float(np.max(std + np.abs(away)))
+        wanted = float(brentq(outside, 0.0, farthest)) / NORMAL_95
+        more = float(every[ALPHA, ALPHA]) - own**2
+        share = float(np.clip((wanted**2 - own**2) / more, 0.0, 1.0)) if more > 0 else 0.0
+        return replace(plain, covariance=(1 - share) * plain.covariance + share * every)
 
 
 def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> HiddenLosses | None:
@@ -108,7 +126,11 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
     }
     std = np.array([width[place] for place in absent])
-    mean, spread, weight = _average_sets(p[absent] / std, covariance / np.outer(std, std))
+    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std))
+    weight = float(np.sum(weights))
+    mean = weights @ means / weight
+    away = means - mean
+    spread = np.einsum("k,kij->ij", weights / weight, spreads + away[:, :, None] * away[:, None, :])
     gain: FloatArray = loose.covariance[:, absent] @ np.linalg.pinv(covariance, hermitian=True)
     parameters = p + gain @ (std * mean - p[absent])
     left = loose.covariance - gain @ covariance @ gain.T
@@ -118,7 +140,18 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         residual=samples.value - predict(samples.time_s, parameters, loose.terms, samples.drive)[0],
         covariance=left + gain @ (spread * np.outer(std, std)) @ gain.T,
     )
-    return HiddenLosses(fit=held, weight=weight)
+    slope = gain[ALPHA] * std
+    return HiddenLosses(
+        fit=held,
+        weight=weight,
+        sets=np.column_stack(
+            [
+                weights,
+                parameters[ALPHA] + away @ slope,
+                np.sqrt(np.maximum(left[ALPHA, ALPHA] + np.einsum("i,kij,j->k", slope, spreads, slope), 1e-300)),
+            ]
+        ),
+    )
 
 
 def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softening | None) -> DecayFit:
@@ -140,8 +173,8 @@ def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softeni
     return replace(judged, parameters=p)
 
 
-def _average_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return mean and covariance of all sets of losses but the empty one, and their weight beside that.
+def _weigh_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return weight, mean and covariance of each set of losses but the empty one, whose weight is the rest.
 
     Parameters
     ----------
@@ -164,8 +197,4 @@ def _average_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray
         means.append(mean)
         spreads.append(spread)
     odds = np.exp(log_odds)
-    share = odds / np.sum(odds)
-    mean = share @ np.array(means)
-    away = np.array(means) - mean
-    spread = np.einsum("k,kij->ij", share, np.array(spreads)) + (away * share[:, None]).T @ away
-    return mean, spread, float(np.sum(odds) / (1 + np.sum(odds)))
+    return odds / (1 + np.sum(odds)), np.array(means), np.array(spreads)
