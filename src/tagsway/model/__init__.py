@@ -52,7 +52,14 @@ from tagsway.model.pendulum import (
     TwoMasses,
 )
 from tagsway.model.plan import CameraHints, Need, Plan, PlannedError, PlannedMeasurement
-from tagsway.model.repeats import RandomEffects, Rejection, RepeatSummary
+from tagsway.model.repeats import (
+    FactorEffect,
+    FactorModel,
+    RandomEffects,
+    Rejection,
+    RepeatSummary,
+    Unanswered,
+)
 from tagsway.model.result import (
     CoordinateFrame,
     Creator,
@@ -104,6 +111,8 @@ __all__ = [
     "EventKind",
     "Excitation",
     "ExcitationCurve",
+    "FactorEffect",
+    "FactorModel",
     "FloatArray",
     "Frame",
     "GreyArray",
@@ -166,6 +175,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryCurve",
     "TwoMasses",
+    "Unanswered",
     "VideoInfo",
     "Window",
 ]

@@ -3,9 +3,12 @@
 outliers  ±3σ, Grubbs, generalised ESD
 spread    medians, ± deviation, the share of one factor
 effects   what differs between repeats against the error of each
+factors   what was varied, and what it does
+blocks    factors as columns, and which cannot be told apart
 """
 
 from tagsway.repeats.effects import between_repeat_spread, fit_random_effects
+from tagsway.repeats.factors import fit_factor_effects
 from tagsway.repeats.outliers import grubbs_limit, reject_beyond_sigma, reject_by_esd, reject_by_grubbs
 from tagsway.repeats.spread import deviation_percent, factor_share, summarise_repeats
 
@@ -13,6 +16,7 @@ __all__ = [
     "between_repeat_spread",
     "deviation_percent",
     "factor_share",
+    "fit_factor_effects",
     "fit_random_effects",
     "grubbs_limit",
     "reject_beyond_sigma",
