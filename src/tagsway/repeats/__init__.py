@@ -10,7 +10,7 @@ blocks    factors as columns, and which cannot be told apart
 from tagsway.repeats.effects import between_repeat_spread, fit_random_effects
 from tagsway.repeats.factors import fit_factor_effects
 from tagsway.repeats.outliers import grubbs_limit, reject_beyond_sigma, reject_by_esd, reject_by_grubbs
-from tagsway.repeats.spread import deviation_percent, factor_share, summarise_repeats
+from tagsway.repeats.spread import deviation_percent, factor_share, pool_shares, summarise_repeats
 
 __all__ = [
     "between_repeat_spread",
@@ -19,6 +19,7 @@ __all__ = [
     "fit_factor_effects",
     "fit_random_effects",
     "grubbs_limit",
+    "pool_shares",
     "reject_beyond_sigma",
     "reject_by_esd",
     "reject_by_grubbs",

@@ -1,10 +1,13 @@
 """How much repeats scatter, and which share of it one factor has."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import f as fisher_f
 
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import Estimate, FloatArray, RepeatSummary
+from tagsway.repeats.effects import fit_random_effects
 
 
 def deviation_percent(values: FloatArray) -> float:
@@ -101,6 +104,33 @@ def factor_share(varied: FloatArray, held: FloatArray) -> Estimate:
     std = ratio * float(np.sqrt(2 / counts[0] + 2 / counts[1]))
     ends = (float(np.clip(1 - ratio / low, 0, 1)), float(np.clip(1 - ratio / high, 0, 1)))
     return Estimate(value=1 - ratio, std=std, ci95=ends)
+
+
+def pool_shares(shares: Sequence[Estimate]) -> Estimate:
+    """Return the share of a factor over several pairs of sets, such as one pair a product.
+
+    Parameters
+    ----------
+    shares : sequence of Estimate
+        Two or more, of `factor_share`.
+
+    Returns
+    -------
+    Estimate
+        1 - exp(m), m the mean of the logarithms of the variances' ratios, which may differ between the pairs: a model
+        of random effects, with Hartung and Knapp's interval, cut off at 0 and 1.
+
+    Raises
+    ------
+    NotIdentifiableError
+        For fewer than two shares.
+    """
+    left: FloatArray = np.array([1 - share.value for share in shares])
+    std: FloatArray = np.array([share.std for share in shares])
+    mean = fit_random_effects(np.log(left), std / left).mean
+    ratio = float(np.exp(mean.value))
+    ends = [float(np.clip(1 - np.exp(end), 0, 1)) for end in reversed(mean.ci95)]
+    return Estimate(value=1 - ratio, std=ratio * mean.std, ci95=(ends[0], ends[1]))
 
 
 def _some(values: FloatArray) -> str:

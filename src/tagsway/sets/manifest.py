@@ -3,7 +3,7 @@
 import csv
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +126,7 @@ def find_set(path: Path, *, leave_out: Path | None = None, may_be_empty: bool = 
     if not items and not may_be_empty:
         raise InputError(f"{path} holds no videos and no tracks: expected files that end in {', '.join(sorted(FILMS))}")
     _refuse_twice(items)
+    items = _tell_sets_apart(items)
     items.sort(key=lambda item: (item.subset, item.name))
     return MeasurementSet(name=path.resolve().stem, root=finder.root, items=tuple(items))
 
@@ -333,6 +334,20 @@ def _number_or_text(text: str) -> Any:
         except ValueError:
             continue
     return text
+
+
+def _tell_sets_apart(items: list[Item]) -> list[Item]:
+    """Return the items, with the name of the set before that of a subset that several sets have."""
+    sets: dict[str, set[str]] = {}
+    for item in items:
+        sets.setdefault(item.subset, set()).add(_set_of(item))
+    return [
+        replace(item, subset=f"{_set_of(item)}/{item.subset}") if len(sets[item.subset]) > 1 else item for item in items
+    ]
+
+
+def _set_of(item: Item) -> str:
+    return str(dict(item.factors).get("set", "no set"))
 
 
 def _refuse_twice(items: list[Item]) -> None:
