@@ -43,6 +43,8 @@ def measure_file(job: Job) -> Outcome:
     start, cpu = time.perf_counter(), time.process_time()
     try:
         outcome = _measure(job)
+    except TagswayError as fault:
+        outcome = Outcome(error=_one_line(fault), failed=True)
     except Exception as fault:  # one file must not cost the others
         outcome = Outcome(error=f"{type(fault).__name__}: {_one_line(fault)}", failed=True)
     return replace(outcome, seconds=time.perf_counter() - start, cpu_seconds=time.process_time() - cpu)
