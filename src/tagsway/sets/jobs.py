@@ -59,6 +59,10 @@ class Outcome:
         Of the program that measured.
     seconds, cpu_seconds : float
         That it took.
+    worker : str
+        Machine and process.
+    trace : str
+        Where an error came from that is no fault of the file's.
     """
 
     key: str | None = None
@@ -71,6 +75,8 @@ class Outcome:
     version: str = __version__
     seconds: float = 0.0
     cpu_seconds: float = 0.0
+    worker: str = ""
+    trace: str = ""
 
 
 def measure(job: Job) -> Outcome:

@@ -1,7 +1,10 @@
 """What a worker does with a file of a set, on this machine or another."""
 
 import json
+import os
+import socket
 import time
+import traceback
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,8 +49,14 @@ def measure_file(job: Job) -> Outcome:
     except TagswayError as fault:
         outcome = Outcome(error=_one_line(fault), failed=True)
     except Exception as fault:  # one file must not cost the others
-        outcome = Outcome(error=f"{type(fault).__name__}: {_one_line(fault)}", failed=True)
-    return replace(outcome, seconds=time.perf_counter() - start, cpu_seconds=time.process_time() - cpu)
+        error = f"{type(fault).__name__}: {_one_line(fault)}"
+        outcome = Outcome(error=error, failed=True, trace=traceback.format_exc())
+    return replace(
+        outcome,
+        seconds=time.perf_counter() - start,
+        cpu_seconds=time.process_time() - cpu,
+        worker=f"{socket.gethostname()}:{os.getpid()}",
+    )
 
 
 def _measure(job: Job) -> Outcome:
