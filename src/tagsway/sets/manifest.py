@@ -184,7 +184,7 @@ class _Finder:
         self, file: Path | str, *, subset: str, stated: Mapping[str, Any], factors: Mapping[str, Factor], origin: str
     ) -> Item:
         if isinstance(file, Path):
-            name = file.relative_to(self.root).as_posix()
+            name = _as_text(file.relative_to(self.root))
             stated = {**self._inherit(file.parent), **stated}
         else:
             name = file
@@ -303,8 +303,13 @@ def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor]
 def _subset_of(file: Path | str, root: Path) -> str:
     if isinstance(file, str):
         return file.rpartition("/")[0]
-    where = file.parent.relative_to(root).as_posix()
-    return root.name if where == "." else where
+    where = _as_text(file.parent.relative_to(root))
+    return _as_text(Path(root.name)) if where == "." else where
+
+
+def _as_text(path: Path) -> str:
+    """Return a path with forward slashes; bytes in it that are no text as \\xff, since tables hold text."""
+    return path.as_posix().encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _manifest_rows(path: Path) -> list[dict[str, str]] | None:

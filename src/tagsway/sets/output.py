@@ -124,9 +124,10 @@ def _write_parquet(out: Path, tables: Tables) -> list[Notice]:
 def _tell_copies(tables: Tables) -> list[Notice]:
     if not tables.copies:
         return []
+    many = "1 measurement is a copy" if tables.copies == 1 else f"{tables.copies} measurements are copies"
     message = (
-        f"{tables.copies} measurements are copies: another file has the same content and settings; a copy is no "
-        "repeat, and only one of them counts (see rejected_by)"
+        f"{many}: another file has the same content and settings; a copy is no repeat, and only one of them counts "
+        "(see rejected_by)"
     )
     return [Notice(code="copies", message=message)]
 
