@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from tagsway.files import whole_file
 from tagsway.model import FactorEffect, FloatArray, ResidualCurve, Shaper
 from tagsway.report.figures import save_figure
 from tagsway.report.panels import make_panels, name_panel
@@ -157,10 +159,17 @@ def plot_decays(
 
 def write_figure(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG, whole or not at all; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as part:
+        part.write_bytes(draw_png(figure))
+
+
+def draw_png(figure: Figure) -> bytes:
+    """Return a figure as a PNG; the same figure gives the same bytes."""
+    png = BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from")  # a name in a script that the font lacks: boxes
-        save_figure(figure, path)
+        save_figure(figure, png)
+    return png.getvalue()
 
 
 def _shifts(values: Sequence[object], effects: Sequence[FactorEffect]) -> FloatArray:

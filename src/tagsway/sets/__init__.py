@@ -8,6 +8,7 @@ ledger    what is done, what was tried, and who may write
 running   every job once, whatever dies
 tables    from rows to tables, and what is rejected
 effects   what the factors do
+drawing   the shaper and the figures of a subset
 output    tables, shapers and figures of a set
 page      report.html
 batch     all of it, once or as a folder is being filled

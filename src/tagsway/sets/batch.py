@@ -80,16 +80,17 @@ def measure_set(
             import tagsway.sets.output  # noqa: F401, loaded while the workers load what they need
 
             Runner(crew, ledger, report).run(jobs)
+            return write_batch(found, ledger, crew=crew)
     return write_batch(found, ledger)
 
 
-def write_batch(found: MeasurementSet, ledger: Ledger) -> Batch:
-    """Write the tables of all that is known of a set."""
+def write_batch(found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None) -> Batch:
+    """Write the tables of all that is known of a set, with the workers' help where there are any."""
     from tagsway.sets.output import write_set
     from tagsway.sets.tables import tabulate
 
     tables = tabulate(found.items, ledger)
-    return Batch(tables=tables, notices=write_set(tables, found, ledger))
+    return Batch(tables=tables, notices=write_set(tables, found, ledger, crew=crew))
 
 
 def missing_jobs(found: MeasurementSet, ledger: Ledger) -> list[Job]:
@@ -142,7 +143,7 @@ def watch_set(
                 begin(len(found.items), len(found.items) - len(jobs))
                 runner.run(ready)
                 tried |= {job.item.name: stamps[job.item.name] for job in ready}
-                write_batch(found, ledger)
+                write_batch(found, ledger, crew=crew)
             time.sleep(poll_s)
 
 

@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tagsway.errors import InputError
-from tagsway.model import FactorModel, FloatArray, Notice, Shaper
-from tagsway.report.subset import plot_decays, plot_factors, plot_scatter, write_figure
+from tagsway.files import whole_file
+from tagsway.model import FactorModel, FloatArray, Notice
+from tagsway.report.subset import plot_factors, write_figure
+from tagsway.sets.drawing import DrawnSubset, SubsetTask, draw_subset, recommend_shaper
 from tagsway.sets.effects import factor_values, find_effects
 from tagsway.sets.ledger import Ledger
 from tagsway.sets.manifest import Item, MeasurementSet
 from tagsway.sets.page import write_set_page
 from tagsway.sets.tables import WHOLE, Tables, modes_of, share_picks
-from tagsway.shapers import choose_shaper, design_shaper, residual_curve
+from tagsway.sets.workers import Crew
 from tagsway.store.documents import write_shaper
-from tagsway.store.measurements import FREQUENCY, MeasuredModes, write_table
+from tagsway.store.measurements import FREQUENCY, write_table
 
 MEASUREMENTS, PARQUET, SUMMARY = "measurements.csv", "measurements.parquet", "summary.csv"
 SHARES, EFFECTS = "shares.csv", "effects.csv"
@@ -29,7 +30,7 @@ MOST_POINTS = 5000
 """That are drawn against a factor."""
 
 
-def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger) -> tuple[Notice, ...]:
+def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None) -> tuple[Notice, ...]:
     """Write everything that a set's measurements tell together; the same data give the same bytes.
 
     Parameters
@@ -40,6 +41,8 @@ def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger) -> tuple[No
         Whose decays are drawn.
     ledger : Ledger
         Where their results are; its folder is written into.
+    crew : Crew, optional
+        Who draws; by default this process.
 
     Returns
     -------
@@ -56,12 +59,8 @@ def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger) -> tuple[No
         else:
             (out / name).unlink(missing_ok=True)
     notices = [*effects.notices, *_tell_copies(tables)]
-    figures: dict[str, list[Path]] = {}
-    shapers: set[Path] = set()
-    for subset in tables.subsets:
-        figures[subset], shaper_path, told = _write_subset(tables, subset, found.items, ledger)
-        shapers |= shaper_path
-        notices += told
+    figures, shapers, told = _write_subsets(tables, found, ledger, crew)
+    notices += told
     if effects.frequency is not None:
         figures[WHOLE] = [_write_factors(out, kept, effects.frequency)]
     drawn = {path for paths in figures.values() for path in paths}
@@ -86,22 +85,6 @@ def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger) -> tuple[No
         figures=figures,
     )
     return (*notices, *_write_parquet(out, tables))
-
-
-def recommend_shaper(measured: MeasuredModes | None) -> tuple[Shaper | None, str]:
-    """Return the shortest shaper that keeps V under 5 % over the spread between measurements, or why there is none.
-
-    Of a single measurement, whose spread is not known, it is a ZV.
-    """
-    if measured is None:
-        return None, "no measurement has a frequency and a damping ratio"
-    source = f"{measured.source}: median of {len(measured.frequency_hz)}"
-    try:
-        if measured.spread is None or not measured.spread.natural_frequency_std_percent > 0:
-            return design_shaper("zv", measured.mode, source=source), ""
-        return choose_shaper(measured.mode, spread=measured.spread, source=source), ""
-    except InputError as fault:
-        return None, str(fault)
 
 
 def name_file(subset: str) -> str:
@@ -143,39 +126,57 @@ def _write_factors(out: Path, kept: pd.DataFrame, model: FactorModel) -> Path:
     return path
 
 
-def _write_subset(
-    tables: Tables, subset: str, items: Sequence[Item], ledger: Ledger
-) -> tuple[list[Path], set[Path], list[Notice]]:
-    """Write a subset's figures and its shaper, and return their paths."""
-    whole, kept = tables.measurements, tables.kept(subset)
-    part = whole[whole["subset"] == subset]
-    name, folder = name_file(subset), ledger.out / "figures"
-    measured = modes_of(kept, source=MEASUREMENTS)
-    shaper, reason = recommend_shaper(measured)
+def _write_subsets(
+    tables: Tables, found: MeasurementSet, ledger: Ledger, crew: Crew | None
+) -> tuple[dict[str, list[Path]], set[Path], list[Notice]]:
+    """Write the figures and the shaper of each subset, and return their paths."""
+    figures: dict[str, list[Path]] = {}
     shapers: set[Path] = set()
-    curve = None
-    if shaper is not None and measured is not None:
-        path = ledger.out / "shapers" / f"{name}.json"
-        write_shaper(path, shaper)
-        shapers.add(path)
-        mode = measured.mode
-        half = max(0.25, 1.3 * float(np.max(np.abs(measured.frequency_hz / mode.frequency_hz - 1))))
-        frequency = mode.frequency_hz * np.linspace(max(1 - half, 0.02), 1 + half, 401)
-        curve = residual_curve(shaper, frequency, mode.damping_ratio)
-    rejected = part.loc[part["rejected_by"] != "", FREQUENCY].dropna().to_numpy(dtype=float)
-    frequency_hz: FloatArray = kept[FREQUENCY].to_numpy(dtype=float)
-    drawn = {"frequency": plot_scatter(frequency_hz, curve, shaper=shaper, title=subset, rejected_hz=rejected)}
+    notices: list[Notice] = []
+    tasks = [_task(tables, subset, found.items, ledger) for subset in tables.subsets]
+    for task, drawn in zip(tasks, _draw_all(tasks, crew), strict=True):
+        name = name_file(task.name)
+        if drawn.shaper is not None:
+            path = ledger.out / "shapers" / f"{name}.json"
+            write_shaper(path, drawn.shaper)
+            shapers.add(path)
+        else:
+            notices.append(Notice(code="no_shaper", message=f"no shaper for {task.name}: {drawn.no_shaper}"))
+        figures[task.name] = []
+        for what, png in drawn.pictures:
+            path = ledger.out / "figures" / f"{name}-{what}.png"
+            with whole_file(path) as part:
+                part.write_bytes(png)
+            figures[task.name].append(path)
+    return figures, shapers, notices
+
+
+def _draw_all(tasks: list[SubsetTask], crew: Crew | None) -> list[DrawnSubset]:
+    """Draw the subsets, by the workers where there are any."""
+    if crew is not None and len(tasks) > 1:
+        try:
+            return list(crew.executor.map(draw_subset, tasks))
+        except Exception as fault:
+            if not crew.died(fault):
+                raise
+    return [draw_subset(task) for task in tasks]
+
+
+def _task(tables: Tables, subset: str, items: Sequence[Item], ledger: Ledger) -> SubsetTask:
+    whole, kept = tables.measurements, tables.kept(subset)
+    out = (whole["subset"] == subset) & (whole["rejected_by"] != "")
     few = kept.iloc[:: max(1, len(kept) // MOST_POINTS)]
-    factors = {name: values for name, values in factor_values(few).items() if few[name].nunique() > 1}
-    if factors:
-        drawn["factors"] = plot_factors(few[FREQUENCY].to_numpy(dtype=float), factors, title=subset)
     decays, unit = _decays([item for item in items if item.subset == subset], kept, ledger)
-    if decays:
-        drawn["decays"] = plot_decays(decays, unit=unit, title=subset)
-    for what, figure in drawn.items():
-        write_figure(figure, folder / f"{name}-{what}.png")
-    notices = [] if shaper is not None else [Notice(code="no_shaper", message=f"no shaper for {subset}: {reason}")]
-    return [folder / f"{name}-{what}.png" for what in drawn], shapers, notices
+    return SubsetTask(
+        name=subset,
+        frequency_hz=kept[FREQUENCY].to_numpy(dtype=float),
+        rejected_hz=whole.loc[out, FREQUENCY].dropna().to_numpy(dtype=float),
+        measured=modes_of(kept, source=MEASUREMENTS),
+        few_hz=few[FREQUENCY].to_numpy(dtype=float),
+        factors={name: values for name, values in factor_values(few).items() if few[name].nunique() > 1},
+        decays=decays,
+        unit=unit,
+    )
 
 
 def _decays(
