@@ -107,6 +107,9 @@ def test_several_shares_have_one_of_all_that_lies_between() -> None:
     assert min(s.value for s in shares) < pooled.value < max(s.value for s in shares)
     assert pooled.std < min(s.std for s in shares)
     assert pooled.ci95[0] < 0.75 < pooled.ci95[1]  # statistics: seeded; the truth is 1 - 1/4
+    alike = pool_shares(shares[:1] * 6)
+    assert alike.value == pytest.approx(shares[0].value)  # identity
+    assert alike.std == pytest.approx(shares[0].std / np.sqrt(6)), "agreement by chance makes nothing surer"
 
 
 def test_a_factor_that_varies_within_subsets_does_not_split_the_shares() -> None:

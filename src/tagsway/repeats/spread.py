@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import f as fisher_f
 
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import Estimate, FloatArray, RepeatSummary
+from tagsway.model import NORMAL_95, Estimate, FloatArray, RepeatSummary
 from tagsway.repeats.effects import fit_random_effects
 
 
@@ -118,7 +118,8 @@ def pool_shares(shares: Sequence[Estimate]) -> Estimate:
     -------
     Estimate
         1 - exp(m), m the mean of the logarithms of the variances' ratios, which may differ between the pairs: a model
-        of random effects, with Hartung and Knapp's interval, cut off at 0 and 1.
+        of random effects, with Hartung and Knapp's interval, cut off at 0 and 1. Where the pairs happen to agree
+        better than their own errors allow, the error is that of a weighted mean.
 
     Raises
     ------
@@ -128,9 +129,11 @@ def pool_shares(shares: Sequence[Estimate]) -> Estimate:
     left: FloatArray = np.array([1 - share.value for share in shares])
     std: FloatArray = np.array([share.std for share in shares])
     mean = fit_random_effects(np.log(left), std / left).mean
+    least = float(1 / np.sqrt(np.sum((left / std) ** 2)))
+    half = max(mean.ci95[1] - mean.value, NORMAL_95 * least)
     ratio = float(np.exp(mean.value))
-    ends = [float(np.clip(1 - np.exp(end), 0, 1)) for end in reversed(mean.ci95)]
-    return Estimate(value=1 - ratio, std=ratio * mean.std, ci95=(ends[0], ends[1]))
+    low, high = (float(np.clip(1 - np.exp(mean.value + away), 0, 1)) for away in (half, -half))
+    return Estimate(value=1 - ratio, std=ratio * max(mean.std, least), ci95=(low, high))
 
 
 def _some(values: FloatArray) -> str:
