@@ -23,9 +23,6 @@ pytest.importorskip("aiohttp")
 
 PATIENCE_S = 60
 
-# the client's own threads close their sockets when they are collected, in whatever test that is
-pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
-
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[str]:
