@@ -73,7 +73,7 @@ def write_measured_set(folder: Path, rows: list[dict[str, Any]]) -> Path:
         "error": None,
         "warnings": None,
         "rejected_by": None,
-        "result": None,
+        "key": None,
         "settling_time_s": 1.0,
         "motion_time_s": 1.0,
         "trajectory_time_s": 0.9,

@@ -59,7 +59,7 @@ def events(out: Path, *names: str) -> list[str]:
 
 
 def tables(out: Path) -> dict[str, bytes]:
-    """Return everything that a set's results come to, byte for byte."""
-    names = ["measurements.csv", "measurements.parquet", "summary.csv", "shaper.json"]
-    drawn = sorted((out / "figures").glob("*.png")) + sorted((out / "shapers").glob("*.json"))
-    return {path.name: path.read_bytes() for path in [*(out / name for name in names), *drawn]}
+    """Return everything that a set's results come to, byte for byte: all but the logs and the kept steps."""
+    logs = ("attempts.jsonl", "files.jsonl", ".lock", "steps", "results")
+    files = {path.relative_to(out): path for path in sorted(out.rglob("*")) if path.is_file()}
+    return {str(name): path.read_bytes() for name, path in files.items() if name.parts[0] not in logs}

@@ -1,6 +1,8 @@
 """What a set consists of, what is done once, and what its measurements say together."""
 
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +104,18 @@ def test_a_manifest_that_cannot_be_used_is_refused_with_the_key(tmp_path, text, 
         find_set(root)
     assert word in str(fault.value)
     assert "set" in str(fault.value)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems know no such names")
+def test_names_of_any_kind_cost_nothing(tmp_path) -> None:
+    root = write_set(tmp_path / "set", {"$a_{$ 日本 'q' \"#?%20": [2.0, 2.1]})
+    (root / os.fsdecode(b"no text \xff.csv")).write_text("t,x\n1,2\n")
+    (root / "gone.csv").symlink_to(tmp_path / "nowhere.csv")
+    (root / "loop").symlink_to(root)
+    table = run(root, tmp_path / "out").tables.measurements
+    assert list(table["file"]) == [*(f"$a_{{$ 日本 'q' \"#?%20/r{n}.csv" for n in (0, 1)), "no text \\xff.csv"]
+    assert list(table["status"]) == ["ok", "ok", "failed"]
+    assert len(list((tmp_path / "out" / "figures").glob("*.png"))) == 3
 
 
 def test_an_empty_folder_is_no_set_unless_it_is_being_filled(tmp_path) -> None:

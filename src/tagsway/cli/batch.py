@@ -71,7 +71,7 @@ def _tell(done: "Batch", folder: Path, *, quiet: bool) -> None:
     failed = table[table["status"].isin(["failed", "not_determined"])]
     if not quiet:
         typer.echo("\n".join(_summary_lines(done)))
-        typer.echo(f"\nwritten to {folder}/: measurements.csv, summary.csv, shaper.json, figures/")
+        typer.echo(f"\nwritten to {folder}/ — open {folder}/report.html")
         for notice in done.notices:
             typer.echo(f"note: {notice.message}", err=True)
     for file, reason in list(zip(failed["file"], failed["error"], strict=True))[:MOST_NAMED]:
@@ -84,22 +84,25 @@ def _tell(done: "Batch", folder: Path, *, quiet: bool) -> None:
 
 def _summary_lines(done: "Batch") -> list[str]:
     """Return summary.csv as people read it: a line a subset."""
-    summary = done.tables.summary
-    width = max(len("subset"), *(len(name) for name in summary["subset"]))
+    from tagsway.sets.tables import WHOLE
+
+    rows = done.tables.summary.to_dict("records")
+    names = [f"{WHOLE} {row['set']}".rstrip() if row["subset"] == WHOLE else str(row["subset"]) for row in rows]
+    width = max(len("subset"), *(len(name) for name in names))
     lines = [
         f"{'subset':<{width}}  {'n':>5} {'failed':>6} {'rejected':>8}   {'f_n (Hz)':>9} {'± %':>6} {'s':>8}   "
         f"{'ζ':>9} {'± %':>6}"
     ]
-    for row in summary.to_dict("records"):
+    for name, row in zip(names, rows, strict=True):
         frequency, damping = (
-            [row[f"{name}_{what}"] for what in whats]
-            for name, whats in (
+            [row[f"{quantity}_{what}"] for what in whats]
+            for quantity, whats in (
                 ("natural_frequency", ("median_hz", "deviation_percent", "s_hz")),
                 ("damping_ratio", ("median", "deviation_percent")),
             )
         )
         lines.append(
-            f"{row['subset']:<{width}}  {row['n']:>5} {row['failed']:>6} {row['rejected']:>8}   "
+            f"{name:<{width}}  {row['n']:>5} {row['failed']:>6} {row['rejected']:>8}   "
             f"{_number(frequency[0], '9.4f')} {_number(frequency[1], '6.2f')} {_number(frequency[2], '8.4f')}   "
             f"{_number(damping[0], '9.5f')} {_number(damping[1], '6.1f')}"
         )
@@ -141,7 +144,9 @@ def display_set(name: str, *, shown: bool) -> Iterator[tuple[Callable[[int, int]
         frames = failed = 0
 
         def begin(total: int, kept: int) -> None:
-            bar.update(task, total=total, completed=kept, left=total - kept)
+            nonlocal frames
+            frames = 0
+            bar.reset(task, total=total, completed=kept, left=total - kept)  # what was done before has no speed
 
         def report(outcome: "Outcome") -> None:
             nonlocal frames, failed

@@ -61,7 +61,15 @@ from tagsway.model.pendulum import (
     TwoMasses,
 )
 from tagsway.model.plan import CameraHints, Need, Plan, PlannedError, PlannedMeasurement
-from tagsway.model.repeats import RandomEffects, Rejection, RepeatDifference, RepeatSummary
+from tagsway.model.repeats import (
+    FactorEffect,
+    FactorModel,
+    RandomEffects,
+    Rejection,
+    RepeatDifference,
+    RepeatSummary,
+    Unanswered,
+)
 from tagsway.model.result import (
     CoordinateFrame,
     Creator,
@@ -119,6 +127,8 @@ __all__ = [
     "Exchange",
     "Excitation",
     "ExcitationCurve",
+    "FactorEffect",
+    "FactorModel",
     "FloatArray",
     "Frame",
     "GreyArray",
@@ -184,6 +194,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryCurve",
     "TwoMasses",
+    "Unanswered",
     "VideoInfo",
     "Window",
 ]

@@ -84,6 +84,92 @@ class RandomEffects:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FactorEffect:
+    """What one factor does to a quantity while all others stay as they are.
+
+    Parameters
+    ----------
+    factor : str
+        Its name.
+    level : str or None
+        Of a categorical factor; None for a continuous one.
+    reference : str or None
+        The level that it is compared with.
+    n : int
+        Measurements at the level; all of them for a continuous factor.
+    effect : Estimate
+        The difference from the reference, in the unit of the quantity; of a continuous factor the slope.
+    p_value : float
+        Chance of an effect as large, either way, where there is none.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    factor: str
+    level: str | None
+    reference: str | None
+    n: int
+    effect: Estimate
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unanswered:
+    """A factor, or one level of it, whose effect the data do not tell.
+
+    Parameters
+    ----------
+    factor : str
+        Its name.
+    level : str or None
+        None for the whole factor.
+    reason : str
+        Why.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    factor: str
+    level: str | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FactorModel:
+    """A linear model of one quantity in several factors.
+
+    Parameters
+    ----------
+    n : int
+        Measurements.
+    effects : tuple of FactorEffect
+        That the data tell.
+    unanswered : tuple of Unanswered
+        That they do not.
+    grouped_by : str or None
+        A factor that is nested in another: measurements that share its level are no independent repeats, and the
+        errors are those between its levels.
+    residual_std : float
+        s of what the factors leave, in the unit of the quantity.
+    degrees_of_freedom : int
+        Of the errors: independent groups of measurements less coefficients.
+    lack_of_fit_p : float or None
+        Chance of means that lie as far from this model where the effects simply add up; small where factors interact
+        or a slope is bent. None where no combination of levels was repeated.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
+
+    n: int
+    effects: tuple[FactorEffect, ...]
+    unanswered: tuple[Unanswered, ...]
+    grouped_by: str | None
+    residual_std: float
+    degrees_of_freedom: int
+    lack_of_fit_p: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RepeatDifference:
     """Some repeats minus some others, of the same quantity; None for what so few do not tell.
 

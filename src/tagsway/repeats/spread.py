@@ -1,10 +1,13 @@
 """How much repeats scatter, and which share of it one factor has."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import f as fisher_f
 
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import Estimate, FloatArray, RepeatSummary
+from tagsway.model import NORMAL_95, Estimate, FloatArray, RepeatSummary
+from tagsway.repeats.effects import fit_random_effects
 
 
 def deviation_percent(values: FloatArray) -> float:
@@ -101,6 +104,36 @@ def factor_share(varied: FloatArray, held: FloatArray) -> Estimate:
     std = ratio * float(np.sqrt(2 / counts[0] + 2 / counts[1]))
     ends = (float(np.clip(1 - ratio / low, 0, 1)), float(np.clip(1 - ratio / high, 0, 1)))
     return Estimate(value=1 - ratio, std=std, ci95=ends)
+
+
+def pool_shares(shares: Sequence[Estimate]) -> Estimate:
+    """Return the share of a factor over several pairs of sets, such as one pair a product.
+
+    Parameters
+    ----------
+    shares : sequence of Estimate
+        Two or more, of `factor_share`.
+
+    Returns
+    -------
+    Estimate
+        1 - exp(m), m the mean of the logarithms of the variances' ratios, which may differ between the pairs: a model
+        of random effects, with Hartung and Knapp's interval, cut off at 0 and 1. Where the pairs happen to agree
+        better than their own errors allow, the error is that of a weighted mean.
+
+    Raises
+    ------
+    NotIdentifiableError
+        For fewer than two shares.
+    """
+    left: FloatArray = np.array([1 - share.value for share in shares])
+    std: FloatArray = np.array([share.std for share in shares])
+    mean = fit_random_effects(np.log(left), std / left).mean
+    least = float(1 / np.sqrt(np.sum((left / std) ** 2)))
+    half = max(mean.ci95[1] - mean.value, NORMAL_95 * least)
+    ratio = float(np.exp(mean.value))
+    low, high = (float(np.clip(1 - np.exp(mean.value + away), 0, 1)) for away in (half, -half))
+    return Estimate(value=1 - ratio, std=ratio * max(mean.std, least), ci95=(low, high))
 
 
 def _some(values: FloatArray) -> str:

@@ -6,6 +6,7 @@ shows anything, none uses pyplot, so nothing stays behind when the figure is let
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -349,8 +350,15 @@ def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
     return plots
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG, whole or not at all; the same figure gives the same bytes."""
-    with whole_file(path) as part:
-        # without the program's version in the metadata the same input gives the same bytes
-        figure.savefig(part, format="png", dpi=150, metadata={"Software": None})
+def save_figure(figure: Figure, target: Path | BinaryIO) -> None:
+    """Write a figure as a PNG, a file whole or not at all; the same figure gives the same bytes."""
+    if isinstance(target, Path):
+        with whole_file(target) as part:
+            _save(figure, part)
+    else:
+        _save(figure, target)
+
+
+def _save(figure: Figure, target: Path | BinaryIO) -> None:
+    # without the program's version in the metadata the same input gives the same bytes
+    figure.savefig(target, format="png", dpi=150, metadata={"Software": None})

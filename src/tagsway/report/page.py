@@ -31,6 +31,10 @@ from tagsway.report.words import (
     split_events,
 )
 
+PLOTLY = "plotly-basic.min.js"
+SHARED_SCRIPT = f"pages/{PLOTLY}"
+"""In the folder of a set."""
+
 BANNERS = {
     "ok": "",
     "degraded": "Usable with care: the data are sound, but something limits what they tell. Read the notes below.",
@@ -38,7 +42,7 @@ BANNERS = {
 }
 
 
-def render_page(result: Result, curves: Curves, *, title: str) -> str:
+def render_page(result: Result, curves: Curves, *, title: str, set_url: str | None = None) -> str:
     """Return the report as one HTML page.
 
     Parameters
@@ -49,17 +53,22 @@ def render_page(result: Result, curves: Curves, *, title: str) -> str:
         What is drawn, interactively.
     title : str
         The page's heading: the name of what was filmed.
+    set_url : str, optional
+        The folder of the set that the page belongs to, as seen from it: the page then leads to that of the set, and
+        shares the script that draws the charts with the others.
 
     Returns
     -------
     str
-        Self-contained: script, style and data are inside, and its content policy forbids the browser to load anything.
+        Self-contained: script, style and data are inside, and its content policy forbids the browser to load anything;
+        in a set, anything but the shared script.
         The same input gives the same page. All text is escaped, also file names.
     """
     event_sentences, warnings = split_events(result)
     return render_template(
         "page.html",
         make_charts(result, curves),
+        set_url=set_url,
         title=title,
         result=result,
         banner=BANNERS[result.status],
@@ -82,7 +91,7 @@ def render_page(result: Result, curves: Curves, *, title: str) -> str:
     )
 
 
-def render_template(name: str, charts: dict[str, Chart], **words: Any) -> str:
+def render_template(name: str, charts: dict[str, Chart], *, set_url: str | None = None, **words: Any) -> str:
     """Return a page with its charts, script and style inside.
 
     Parameters
@@ -91,34 +100,44 @@ def render_template(name: str, charts: dict[str, Chart], **words: Any) -> str:
         Of the template beside this module.
     charts : dict of Chart
         By name.
+    set_url : str, optional
+        As in `render_page`.
     words : Any
         What the template says.
     """
     slim, abscissae = share_abscissae(charts)
-    scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
-    html = _template(name).render(
+    scripts = [load_asset(name) for name in ((PLOTLY, "page.js") if set_url is None else ("page.js",))]
+    html = load_template(name).render(
         **words,
         charts=slim,
         page_data={"charts": slim, "abscissae": abscissae, "light": LIGHT_PALETTE, "dark": DARK_PALETTE},
-        style=_asset("page.css"),
+        style=load_asset("page.css"),
         scripts=scripts,
-        script_hashes=[_hash(script) for script in scripts],
+        script_hashes=[script_hash(script) for script in scripts],
+        set_url=set_url,
+        script_url=f"{set_url}/{SHARED_SCRIPT}",
     )
-    # a file name may hold bytes that are no text; the page must still be one that can be written
+    return written(html)
+
+
+def written(html: str) -> str:
+    """Return a page that can be written: a file name may hold bytes that are no text."""
     return html.encode("utf-8", "replace").decode("utf-8")
 
 
 @functools.cache
-def _asset(name: str) -> str:
+def load_asset(name: str) -> str:
+    """Return a file of this package as text."""
     return resources.files(__package__).joinpath(name).read_text("utf-8")
 
 
 @functools.cache
-def _template(name: str) -> Template:
+def load_template(name: str) -> Template:
+    """Return a template of this package; it escapes what is put in."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_asset(name))
+    return environment.from_string(load_asset(name))
 
 
-def _hash(script: str) -> str:
+def script_hash(script: str) -> str:
     """Return the name by which the page's content policy allows exactly this script."""
     return "sha256-" + base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")

@@ -1,6 +1,8 @@
 """Many measurements in one picture: how their frequency scatters, and what a shaper leaves on each."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 
@@ -9,12 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tagsway.model import FloatArray, ResidualCurve, Shaper
+from tagsway.files import whole_file
+from tagsway.model import FactorEffect, FloatArray, ResidualCurve, Shaper
 from tagsway.report.figures import save_figure
 from tagsway.report.panels import make_panels, name_panel
 from tagsway.report.style import BLUE, GREY, INK, VERMILION
 
 MOST_BINS = 40
+
+GOLDEN = 0.6180339887
+"""Multiples of it, modulo 1, spread points evenly, however many there are."""
+
 MOST_NAMES = 8
 """Of a factor, that are written below its axis."""
 
@@ -59,7 +66,7 @@ def plot_scatter(
     if rejected_hz is not None and len(rejected_hz):
         zeros = np.zeros(len(rejected_hz))
         panel.plot(rejected_hz, zeros, "x", color=VERMILION, ms=7, mew=1.5, clip_on=False, label="rejected")
-    name_panel(panel, title, "measurements", x="natural frequency (Hz)")
+    name_panel(panel, _literal(title), "measurements", x="natural frequency (Hz)")
     if curve is not None:
         beside = panel.twinx()
         name = "residual vibration" if shaper is None else f"{shaper.type.upper()} shaper"
@@ -76,7 +83,11 @@ def plot_scatter(
 
 
 def plot_factors(
-    frequency_hz: FloatArray, factors: Mapping[str, Sequence[object]], *, title: str = "Natural frequency"
+    frequency_hz: FloatArray,
+    factors: Mapping[str, Sequence[object]],
+    *,
+    effects: Sequence[FactorEffect] = (),
+    title: str = "Natural frequency",
 ) -> Figure:
     """Draw the natural frequency against each factor, a panel each.
 
@@ -86,6 +97,8 @@ def plot_factors(
         Of each measurement.
     factors : mapping of str to sequence, each of length n
         Numbers or words.
+    effects : sequence of FactorEffect
+        On it, in Hz: drawn in black with 95 %, over the measurements less what the other factors do to them.
     title : str
         Above the first panel.
 
@@ -96,16 +109,25 @@ def plot_factors(
     """
     count = len(factors)
     figure, panels = make_panels(None, (1,) * count, height_inch=1.0 + 2.4 * count, alone=count)
+    shifts = {name: _shifts(values, [one for one in effects if one.factor == name]) for name, values in factors.items()}
+    explained = np.sum(list(shifts.values()), axis=0)
     for number, (panel, (name, values)) in enumerate(zip(panels, factors.items(), strict=True)):
-        if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+        alike_hz = frequency_hz - explained + shifts[name]
+        own = [effect for effect in effects if effect.factor == name]
+        named = any(effect.level is not None for effect in own)
+        if not named and all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
             places: FloatArray = np.asarray(values, dtype=float)
+            _draw_slope(panel, places, float(np.mean(frequency_hz)), own)
         else:
-            words = sorted({str(value) for value in values})
+            words = sorted({str(value) for value in values}, key=_by_number)
             places = np.asarray([words.index(str(value)) for value in values], dtype=float)
+            _draw_levels(panel, places, words, float(np.mean(frequency_hz)), own)
+            places = places + 0.3 * ((np.arange(len(places)) * GOLDEN) % 1 - 0.5)
             step = max(1, len(words) // MOST_NAMES)
-            panel.set_xticks(range(0, len(words), step), [word or "-" for word in words[::step]])
-        panel.plot(places, frequency_hz, "o", color=BLUE, ms=4, alpha=0.5)
-        name_panel(panel, title if number == 0 else None, "f$_n$ (Hz)", x=name)
+            panel.set_xticks(range(0, len(words), step), [_literal(word) or "-" for word in words[::step]])
+        panel.plot(places, alike_hz, "o", color=BLUE, ms=4, alpha=0.5)
+        label = "f$_n$, the others alike (Hz)" if effects and count > 1 else "f$_n$ (Hz)"
+        name_panel(panel, _literal(title) if number == 0 else None, label, x=_literal(name))
     return figure
 
 
@@ -131,14 +153,70 @@ def plot_decays(
     figure, (panel,) = make_panels(None, (1,), height_inch=3.8)
     for time_s, sway in decays:
         panel.plot(time_s, sway, color=BLUE, lw=0.8, alpha=max(0.1, min(0.8, 8 / len(decays))))
-    name_panel(panel, title, f"sway ({unit})", x="time from the window's begin (s)")
+    name_panel(panel, _literal(title), f"sway ({unit})", x="time from the window's begin (s)")
     return figure
 
 
 def write_figure(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG, whole or not at all; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_figure(figure, path)
+    with whole_file(path) as part:
+        part.write_bytes(draw_png(figure))
+
+
+def draw_png(figure: Figure) -> bytes:
+    """Return a figure as a PNG; the same figure gives the same bytes."""
+    png = BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from")  # a name in a script that the font lacks: boxes
+        save_figure(figure, png)
+    return png.getvalue()
+
+
+def _shifts(values: Sequence[object], effects: Sequence[FactorEffect]) -> FloatArray:
+    """Return by how much a factor moves each measurement from their mean, as far as its effects are told."""
+    moved: FloatArray = np.zeros(len(values))
+    for one in effects:
+        if one.level is None:
+            moved += one.effect.value * np.asarray(values, dtype=float)
+        else:
+            moved += one.effect.value * np.array([str(value) == one.level for value in values])
+    moved -= moved.mean()
+    return moved
+
+
+def _draw_slope(panel: Axes, places: FloatArray, level_hz: float, effects: Sequence[FactorEffect]) -> None:
+    for one in effects:
+        ends = np.array([places.min(), places.max()])
+        away = ends - places.mean()
+        low, high = (level_hz + away * slope for slope in one.effect.ci95)
+        panel.fill_between(ends, np.minimum(low, high), np.maximum(low, high), color=GREY, alpha=0.3, lw=0)
+        panel.plot(ends, level_hz + away * one.effect.value, color=INK, lw=1.4)
+
+
+def _draw_levels(
+    panel: Axes, places: FloatArray, words: Sequence[str], level_hz: float, effects: Sequence[FactorEffect]
+) -> None:
+    """Draw each level's mean with the others alike; its interval is that of its difference from the first."""
+    if not effects:
+        return
+    shares = {one.level: float(np.mean(places == words.index(str(one.level)))) for one in effects}
+    first = level_hz - sum(shares[one.level] * one.effect.value for one in effects)
+    panel.plot([words.index(str(effects[0].reference))], [first], "D", color=INK, ms=6, zorder=4)
+    for one in effects:
+        at, half = words.index(str(one.level)), (one.effect.ci95[1] - one.effect.ci95[0]) / 2
+        panel.errorbar([at], [first + one.effect.value], [half], fmt="D", color=INK, ms=6, capsize=4, lw=1.4, zorder=4)
+
+
+def _literal(text: str) -> str:
+    """Return a name as it is drawn: a dollar sign would begin a formula."""
+    return text.replace("$", r"\$")
+
+
+def _by_number(word: str) -> tuple[float, str]:
+    try:
+        return float(word), ""
+    except ValueError:
+        return np.inf, word
 
 
 def _join_legends(*panels: Axes) -> None:

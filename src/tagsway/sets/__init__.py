@@ -1,11 +1,15 @@
 """Many measurements: sets of files, measured by many workers, each once.
 
 manifest  what a set consists of, and what is said of each file
-jobs      one file, as a worker measures it
+jobs      one file: what is asked, what becomes of it, where that is kept
+measuring one file, as a worker measures it
 workers   processes of this machine, or a Dask cluster, behind one interface
 ledger    what is done, what was tried, and who may write
 running   every job once, whatever dies
 tables    from rows to tables, and what is rejected
+effects   what the factors do
+drawing   the shaper and the figures of a subset
 output    tables, shapers and figures of a set
+page      report.html
 batch     all of it, once or as a folder is being filled
 """

@@ -5,16 +5,18 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tagsway.model import Notice
 from tagsway.sets.jobs import Job, Outcome
 from tagsway.sets.ledger import Ledger
 from tagsway.sets.manifest import Item, MeasurementSet, find_set
-from tagsway.sets.output import write_set
 from tagsway.sets.remote import stamp_of
 from tagsway.sets.running import Runner
-from tagsway.sets.tables import Tables, tabulate
 from tagsway.sets.workers import Crew, cluster_crew, local_crew
+
+if TYPE_CHECKING:
+    from tagsway.sets.tables import Tables
 
 POLL_S = 2.0
 """Between two looks into a folder that is being filled: a file that did not change from one to the next is complete."""
@@ -34,7 +36,7 @@ class Batch:
         What to know about them.
     """
 
-    tables: Tables
+    tables: "Tables"
     notices: tuple[Notice, ...]
 
 
@@ -71,7 +73,14 @@ def measure_set(
     Batch
     """
     found = find_set(path, leave_out=ledger.out)
-    measure_items(found.items, ledger, hired, begin=begin, report=report)
+    jobs = missing_jobs(found.items, ledger)
+    begin(len(found.items), len(found.items) - len(jobs))
+    if jobs:
+        with hired() as crew:
+            import tagsway.sets.output  # noqa: F401, loaded while the workers load what they need
+
+            Runner(crew, ledger, report).run(jobs)
+            return write_batch(found, ledger, crew=crew)
     return write_batch(found, ledger)
 
 
@@ -91,10 +100,13 @@ def measure_items(
             Runner(crew, ledger, report).run(jobs)
 
 
-def write_batch(found: MeasurementSet, ledger: Ledger) -> Batch:
-    """Write the tables of all that is known of a set."""
+def write_batch(found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None) -> Batch:
+    """Write the tables of all that is known of a set, with the workers' help where there are any."""
+    from tagsway.sets.output import write_set
+    from tagsway.sets.tables import tabulate
+
     tables = tabulate(found.items, ledger)
-    return Batch(tables=tables, notices=write_set(tables, found.items, ledger))
+    return Batch(tables=tables, notices=write_set(tables, found, ledger, crew=crew))
 
 
 def missing_jobs(items: Sequence[Item], ledger: Ledger) -> list[Job]:
@@ -147,7 +159,7 @@ def watch_set(
                 begin(len(found.items), len(found.items) - len(jobs))
                 runner.run(ready)
                 tried |= {job.item.name: stamps[job.item.name] for job in ready}
-                write_batch(found, ledger)
+                write_batch(found, ledger, crew=crew)
             time.sleep(poll_s)
 
 

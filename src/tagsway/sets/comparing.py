@@ -16,12 +16,13 @@ from tagsway.pipeline import align_result
 from tagsway.sets.batch import Begin, measure_items
 from tagsway.sets.comparison import CONDITION, PLACE
 from tagsway.sets.conditions import Sources
-from tagsway.sets.jobs import Outcome, row_of_result
+from tagsway.sets.jobs import Outcome, result_path
 from tagsway.sets.ledger import open_ledger, read_kept
+from tagsway.sets.measuring import row_of_result
 from tagsway.sets.moves import to_move
 from tagsway.sets.options import inside
 from tagsway.sets.output import MEASUREMENTS
-from tagsway.sets.tables import arrange_rows
+from tagsway.sets.tables import COPY, arrange_rows
 from tagsway.sets.workers import Crew
 from tagsway.store.documents import read_result
 from tagsway.store.tables import read_table
@@ -92,14 +93,14 @@ def gather(
         add(condition, single, partial(_same, move))
     for condition, folder in sources.sets:
         for row in _read_set(folder):
-            add(condition, row, partial(_load_move, folder, row["result"], row["pick"]))
+            add(condition, row, partial(_load_move, folder, row["key"], row["pick"]))
     if sources.items:
         with open_ledger(out) as ledger:
             measure_items([item for _, item in sources.items], ledger, hired, begin=begin, report=report)
             for condition, item in sources.items:
                 for row in ledger.rows(item):
                     own = {"file": item.name, "subset": item.subset, **dict(item.factors), **row}
-                    add(condition, own, partial(_load_move, out, row.get("result"), row.get("pick")))
+                    add(condition, own, partial(_load_move, out, row.get("key"), row.get("pick")))
     if not rows:
         raise InputError("there is nothing to compare: no measurement was found")
     table = arrange_rows(rows)
@@ -120,7 +121,7 @@ def _read_single(path: Path) -> tuple[dict[str, Any], AlignedMove | None]:
 def _read_set(folder: Path) -> Iterator[dict[str, Any]]:
     """Give the rows of a measured set."""
     table = read_table(folder / MEASUREMENTS, expected="the measurements.csv of a measured set")
-    for name in ("file", "pick", "result", "status", NEEDED):
+    for name in ("file", "pick", "key", "status", NEEDED):
         if name not in table:
             raise InputError(
                 f"{folder / MEASUREMENTS} has no column {name!r}: an earlier version measured it; measure it again, by "
@@ -128,14 +129,16 @@ def _read_set(folder: Path) -> Iterator[dict[str, Any]]:
             )
     for row in table.to_dict("records"):
         told = {str(name): None if pd.isna(value) else value for name, value in row.items()}
+        if str(told.get("rejected_by") or "").startswith(COPY):
+            continue  # a file twice is one repeat
         yield {**told, "file": f"{folder.as_posix()}/{row['file']}"}
 
 
-def _load_move(folder: Path, result: str | None, pick: float | None) -> AlignedMove | None:
+def _load_move(folder: Path, key: str | None, pick: float | None) -> AlignedMove | None:
     """Return the move that a set keeps of a measurement."""
-    if result is None:
+    if key is None:
         return None
-    kept = read_kept(inside(folder / result, folder, origin=str(folder / MEASUREMENTS)))
+    kept = read_kept(inside(result_path(folder, key), folder, origin=str(folder / MEASUREMENTS)))
     number = 0 if pick is None else int(pick) - 1
     return to_move(kept[number].get("move")) if number < len(kept) else None
 

@@ -48,7 +48,7 @@ def write_comparison(
     figures = out / "figures"
     for stale in [*figures.glob("moves*.png"), figures / "indicators.png"]:
         stale.unlink(missing_ok=True)
-    leave = ["result", PLACE, *([] if comparison.within else [GROUP])]
+    leave = ["key", PLACE, *([] if comparison.within else [GROUP])]
     table = rows.table.drop(columns=leave)
     first = [CONDITION, *([GROUP] if comparison.within else [])]
     write_table(out / TABLES[0], table[[*first, *(name for name in table.columns if name not in first)]])

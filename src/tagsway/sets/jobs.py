@@ -1,34 +1,19 @@
-"""One file of a set: what a worker does with it, on this machine or another."""
+"""One file of a set, what becomes of it, and where that is kept. Light: the main process waits for nothing else."""
 
 import hashlib
 import json
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import cv2
 
 from tagsway import __version__
-from tagsway.errors import TagswayError
-from tagsway.model import AlignedMove, Estimate, Result, Settings
-from tagsway.pipeline import Measurement, aligned_move, identify
+from tagsway.model import Settings
 from tagsway.sets.manifest import Item
-from tagsway.sets.moves import to_plain_move
-from tagsway.sets.picks import identify_picks
-from tagsway.sets.remote import local_copy
-from tagsway.store.documents import result_document, to_document
-from tagsway.store.steps import StepStore, file_sha256
-from tagsway.video.opening import list_files
-
-DECODER_THREADS = 1
+from tagsway.store.documents import to_document
 
 FILE = "{file}"
 """Stands for the file's name in a kept error: the same content may lie under another name."""
 
-MOST_DRAWN = 400
-"""Points of a kept decay."""
 
 ROWS = 2
 """Counts what a row holds: one that holds less is measured again, from the kept steps."""
@@ -66,6 +51,8 @@ class Outcome:
     lines : tuple of str
         The JSON documents to be kept under the key: the rows first. Empty where it was kept before, and where the
         content does not tell the outcome.
+    pages : tuple of (str, str)
+        Ending of the name, and the HTML of each measurement's own page.
     error : str or None
         Why there is nothing to keep.
     frames : int
@@ -76,39 +63,31 @@ class Outcome:
         Of the program that measured.
     seconds, cpu_seconds : float
         That it took.
+    worker : str
+        Machine and process.
+    trace : str
+        Where an error came from that is no fault of the file's.
     """
 
     key: str | None = None
     sha256: str | None = None
     lines: tuple[str, ...] = ()
+    pages: tuple[tuple[str, str], ...] = ()
     error: str | None = None
     frames: int = 0
     failed: bool = False
     version: str = __version__
     seconds: float = 0.0
     cpu_seconds: float = 0.0
+    worker: str = ""
+    trace: str = ""
 
 
 def measure(job: Job) -> Outcome:
-    """Measure one file of a set; whatever is wrong with it is part of the outcome.
+    """Measure one file of a set, in the process that it is called in; see `measure_file`."""
+    from tagsway.sets.measuring import measure_file  # takes seconds to load, in the workers alone
 
-    Parameters
-    ----------
-    job : Job
-        The file.
-
-    Returns
-    -------
-    Outcome
-        Without lines where a result of the same content and settings is kept already.
-    """
-    cv2.setNumThreads(1)  # a worker holds one core
-    start, cpu = time.perf_counter(), time.process_time()
-    try:
-        outcome = _measure(job)
-    except Exception as fault:  # one file must not cost the others
-        outcome = Outcome(error=f"{type(fault).__name__}: {_one_line(fault)}", failed=True)
-    return replace(outcome, seconds=time.perf_counter() - start, cpu_seconds=time.process_time() - cpu)
+    return measure_file(job)
 
 
 def settings_digest(item: Item, files: Mapping[str, str]) -> str:
@@ -143,109 +122,11 @@ def result_path(out: Path, key: str) -> Path:
     return out / "results" / key[:2] / f"{key}.jsonl"
 
 
-def _measure(job: Job) -> Outcome:
-    item, out = job.item, Path(job.out)
-    with local_copy(item.path) as file:
-        sha256 = file_sha256(*list_files(file))
-        key = result_key(sha256, job.settings_digest)
-        if result_path(out, key).exists():
-            return Outcome(key=key, sha256=sha256)
-        shared = out.is_dir()
-        steps = StepStore(folder=out / "steps" / sha256[:2] / sha256[:40] if shared else None)
-        try:
-            measured = _identify(file, item, steps)
-        except TagswayError as fault:
-            error = _one_line(fault).replace(str(file), FILE)
-            head = {"rows": [{"status": "failed", "error": error}]}
-            return Outcome(key=key, sha256=sha256, lines=(_line(head),), failed=True)
-        rows = [_row(each, number, file) for number, each in measured]
-        frames = sum(len(each.track.time_s) for _, each in measured)
-        documents = [
-            {"result": result_document(m.result), "decay": _decay(m), "move": to_plain_move(aligned_move(m))}
-            for _, m in measured
-        ]
-        if shared:
-            steps.keep()
-        return Outcome(
-            key=key,
-            sha256=sha256,
-            lines=(_line({"rows": rows}), *(_line(document) for document in documents)),
-            frames=frames,
-            failed=any(row["status"] == "not_determined" for row in rows),
-        )
+def page_path(out: Path, key: str, ending: str) -> Path:
+    """Return where the page of a measurement is kept: `ending` tells the picks of one file apart."""
+    return out / "pages" / key[:2] / f"{key}{ending}.html"
 
 
-def _identify(file: Path, item: Item, steps: StepStore) -> list[tuple[int | None, Measurement]]:
-    if item.picks:
-        found = identify_picks(file, item.settings, steps=steps, decoder_threads=DECODER_THREADS)
-        return list(enumerate(found, start=1))
-    return [(None, identify(file, item.settings, steps=steps, decoder_threads=DECODER_THREADS))]
-
-
-def _row(measurement: Measurement, number: int | None, file: Path) -> dict[str, Any]:
-    """Return what measurements.csv says of a measurement, but for its name and its factors."""
-    reason = measurement.not_determined
-    error = None if reason is None else _one_line(reason).replace(str(file), FILE)
-    return {"pick": number, "error": error, **row_of_result(measurement.result, aligned_move(measurement))}
-
-
-def row_of_result(result: Result, move: AlignedMove | None) -> dict[str, Any]:
-    """Return the numbers of a row of measurements.csv; `move` tells how long it was watched."""
-    modal, pendulum, indicators = result.modal, result.pendulum, result.indicators
-    row: dict[str, Any] = {
-        "status": result.status,
-        "warnings": " ".join(sorted({notice.code for notice in result.warnings})),
-        "frames": None if result.video is None else result.video.frames,
-    }
-
-    def tell(name: str, std_name: str, estimate: Estimate | None, factor: float = 1.0) -> None:
-        row[name] = None if estimate is None else estimate.value * factor
-        row[std_name] = None if estimate is None else estimate.std * factor
-
-    if result.window_s is not None:
-        row["window_start_s"], row["window_end_s"] = result.window_s
-    if modal is not None:
-        tell("natural_frequency_hz", "natural_frequency_std_hz", modal.natural_frequency_hz)
-        tell("damping_ratio", "damping_ratio_std", modal.damping_ratio)
-        tell("operating_frequency_hz", "operating_frequency_std_hz", modal.operating_frequency_hz)
-        tell("amplitude_mm", "amplitude_std_mm", modal.amplitude_m, 1e3)
-        row["cycles"] = modal.cycles
-    if pendulum is not None:
-        tell("length_mm", "length_std_mm", pendulum.length_m, 1e3)
-        tell("tag_radius_mm", "tag_radius_std_mm", pendulum.tag_radius_m, 1e3)
-    if indicators is not None:
-        row["settling_time_s"] = indicators.settling_time_s
-        row["overshoot_percent"] = indicators.overshoot_percent
-        row["trajectory_time_s"] = indicators.trajectory_time_s
-        row["motion_time_s"] = indicators.motion_time_s
-        peak, rest = indicators.max_pcp_acceleration_m_s2, indicators.residual_acceleration_m_s2
-        tell("max_pcp_acceleration_m_s2", "max_pcp_acceleration_std_m_s2", peak.horizontal)
-        tell("max_pcp_vector_m_s2", "max_pcp_vector_std_m_s2", peak.vector_with_gravity)
-        row["bandwidth_hz"] = peak.bandwidth_hz
-        row["residual_max_m_s2"] = None if rest is None else rest.max
-        row["residual_rms_m_s2"] = None if rest is None else rest.rms
-        for name, error_m in (("box_error_mm", indicators.box_error_m), ("place_error_mm", indicators.place_error_m)):
-            row[name] = None if error_m is None else 1e3 * error_m
-        row["reference_mm"] = 1e3 * indicators.reference_m
-        row["watched_s"] = None if move is None else float(move.time_s[-1])
-    return row
-
-
-def _decay(measurement: Measurement) -> dict[str, Any] | None:
-    """Return the free decay as it is drawn over others: time from its begin, sway, its unit."""
-    decay = measurement.curves.decay
-    if decay is None:
-        return None
-    step = max(1, len(decay.time_s) // MOST_DRAWN)
-    time_s, sway = decay.time_s[::step] - decay.time_s[0], decay.fit[::step]
-    unit, factor = ("mm", 1e3) if measurement.track.length_unit == "m" else (measurement.track.length_unit, 1.0)
-    rounded = [[float(f"{value:.6g}") for value in values] for values in (time_s, factor * sway)]
-    return {"time_s": rounded[0], "sway": rounded[1], "unit": unit}
-
-
-def _line(document: Any) -> str:
-    return json.dumps(document, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-
-
-def _one_line(fault: object) -> str:
-    return " ".join(str(fault).split())
+def page_ending(pick: int | None) -> str:
+    """Return what tells the page of a pick from those of the others."""
+    return "" if pick is None else f"-{pick}"

@@ -14,7 +14,7 @@ from typing import IO, Any
 from tagsway.errors import InputError
 from tagsway.files import write_text
 from tagsway.model import Settings
-from tagsway.sets.jobs import FILE, Outcome, named_files, result_key, result_path, settings_digest
+from tagsway.sets.jobs import FILE, Outcome, named_files, page_path, result_key, result_path, settings_digest
 from tagsway.sets.manifest import ATTEMPTS, Item
 from tagsway.sets.remote import stamp_of
 from tagsway.store.steps import file_sha256
@@ -68,33 +68,37 @@ class Ledger:
         key = result_key(known[1], digest)
         return key if result_path(self.out, key).exists() else None
 
+    def result_of(self, item: Item) -> str | None:
+        """Return the key of an item's last result, where it has one."""
+        known = self._digests.get(item.name)
+        if known is None or item.name in self._failures:
+            return None
+        return result_key(known[1], self.settings_digest(item))
+
     def rows(self, item: Item) -> list[dict[str, Any]]:
         """Return what is known of an item: a row for each of its measurements, or none where it was not tried yet."""
-        known = self._digests.get(item.name)
         if item.name in self._failures:
             return [{"status": "failed", "error": self._failures[item.name]}]
-        if known is None:
+        key = self.result_of(item)
+        if key is None:
             return []
-        path = result_path(self.out, result_key(known[1], self.settings_digest(item)))
-        head = _first_line(path)
+        head = _first_line(result_path(self.out, key))
         if head is None:
             return []
         rows: list[dict[str, Any]] = head["rows"]
         for row in rows:
-            row["result"] = path.relative_to(self.out).as_posix()
+            row["key"] = key
             if row.get("error"):
                 row["error"] = row["error"].replace(FILE, item.name)
         return rows
 
     def kept(self, item: Item) -> list[dict[str, Any]]:
         """Return what is kept of each of an item's measurements beside its row: `result`, `decay` and `move`."""
-        known = self._digests.get(item.name)
-        if known is None or item.name in self._failures:
-            return []
-        return read_kept(result_path(self.out, result_key(known[1], self.settings_digest(item))))
+        key = self.result_of(item)
+        return [] if key is None else read_kept(result_path(self.out, key))
 
     def enter(self, item: Item, outcome: Outcome, *, stamp: str | None) -> None:
-        """Keep what became of an item: its result whole, then the digest of its content.
+        """Keep what became of an item: its page, its result whole, then the digest of its content.
 
         Parameters
         ----------
@@ -112,6 +116,8 @@ class Ledger:
         path = result_path(self.out, outcome.key)
         if outcome.lines and not path.exists():
             head = {"schema": SCHEMA, **json.loads(outcome.lines[0])}
+            for ending, html in outcome.pages:
+                write_text(page_path(self.out, outcome.key, ending), html)
             text = json.dumps(head, ensure_ascii=False, separators=(",", ":"))
             write_text(path, "\n".join([text, *outcome.lines[1:]]) + "\n")
         self._digests[item.name] = (stamp, outcome.sha256)
@@ -134,7 +140,7 @@ class Ledger:
         if lines:
             write_text(self.out / DIGESTS, "\n".join(lines) + "\n")
         results = self.out / "results"
-        for stray in results.glob("*/.*.jsonl"):
+        for stray in (*results.glob("*/.*.jsonl"), *(self.out / "pages").glob("*/.*.html")):
             stray.unlink(missing_ok=True)
 
 

@@ -3,7 +3,7 @@
 import csv
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +137,7 @@ def find_set(
     if not items and not may_be_empty:
         raise InputError(f"{path} holds no videos and no tracks: expected files that end in {', '.join(sorted(FILMS))}")
     _refuse_twice(items)
+    items = _tell_sets_apart(items)
     items.sort(key=lambda item: (item.subset, item.name))
     return MeasurementSet(name=path.resolve().stem, root=finder.root, items=tuple(items))
 
@@ -195,7 +196,7 @@ class _Finder:
         self, file: Path | str, *, subset: str, stated: Mapping[str, Any], factors: Mapping[str, Factor], origin: str
     ) -> Item:
         if isinstance(file, Path):
-            name = file.relative_to(self.root).as_posix()
+            name = _as_text(file.relative_to(self.root))
             stated = {**self._beneath, **self._inherit(file.parent), **stated}
         else:
             name = file
@@ -314,8 +315,13 @@ def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor]
 def _subset_of(file: Path | str, root: Path) -> str:
     if isinstance(file, str):
         return file.rpartition("/")[0]
-    where = file.parent.relative_to(root).as_posix()
-    return root.name if where == "." else where
+    where = _as_text(file.parent.relative_to(root))
+    return _as_text(Path(root.name)) if where == "." else where
+
+
+def _as_text(path: Path) -> str:
+    """Return a path with forward slashes; bytes in it that are no text as \\xff, since tables hold text."""
+    return path.as_posix().encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _manifest_rows(path: Path) -> list[dict[str, str]] | None:
@@ -345,6 +351,20 @@ def _number_or_text(text: str) -> Any:
         except ValueError:
             continue
     return text
+
+
+def _tell_sets_apart(items: list[Item]) -> list[Item]:
+    """Return the items, with the name of the set before that of a subset that several sets have."""
+    sets: dict[str, set[str]] = {}
+    for item in items:
+        sets.setdefault(item.subset, set()).add(_set_of(item))
+    return [
+        replace(item, subset=f"{_set_of(item)}/{item.subset}") if len(sets[item.subset]) > 1 else item for item in items
+    ]
+
+
+def _set_of(item: Item) -> str:
+    return str(dict(item.factors).get("set", "no set"))
 
 
 def _refuse_twice(items: list[Item]) -> None:

@@ -8,17 +8,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tagsway.errors import InputError
-from tagsway.model import FloatArray, Notice, Shaper
-from tagsway.report.subset import plot_decays, plot_factors, plot_scatter, write_figure
+from tagsway.files import whole_file
+from tagsway.model import FactorModel, FloatArray, Notice
+from tagsway.report.subset import plot_factors, write_figure
+from tagsway.sets.drawing import DrawnSubset, SubsetTask, draw_subset, recommend_shaper
+from tagsway.sets.effects import factor_values, find_effects
 from tagsway.sets.ledger import Ledger
-from tagsway.sets.manifest import Item
-from tagsway.sets.tables import FIRST, NUMBERS, TEXTS, Tables, modes_of, share_picks
-from tagsway.shapers import choose_shaper, design_shaper, residual_curve
+from tagsway.sets.manifest import Item, MeasurementSet
+from tagsway.sets.page import write_set_page
+from tagsway.sets.tables import WHOLE, Tables, modes_of, share_picks
+from tagsway.sets.workers import Crew
 from tagsway.store.documents import write_shaper
-from tagsway.store.measurements import FREQUENCY, MeasuredModes, write_table
+from tagsway.store.measurements import FREQUENCY, write_table
 
-MEASUREMENTS, PARQUET, SUMMARY, SHARES = "measurements.csv", "measurements.parquet", "summary.csv", "shares.csv"
+MEASUREMENTS, PARQUET, SUMMARY = "measurements.csv", "measurements.parquet", "summary.csv"
+SHARES, EFFECTS = "shares.csv", "effects.csv"
 MOST_DECAYS = 200
 """That are drawn over each other."""
 
@@ -26,66 +30,61 @@ MOST_POINTS = 5000
 """That are drawn against a factor."""
 
 
-def write_set(tables: Tables, items: Sequence[Item], ledger: Ledger) -> tuple[Notice, ...]:
+def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None) -> tuple[Notice, ...]:
     """Write everything that a set's measurements tell together; the same data give the same bytes.
 
     Parameters
     ----------
     tables : Tables
         Of the set.
-    items : sequence of Item
+    found : MeasurementSet
         Whose decays are drawn.
     ledger : Ledger
         Where their results are; its folder is written into.
+    crew : Crew, optional
+        Who draws; by default this process.
 
     Returns
     -------
     tuple of Notice
-        What could not be written, and why.
+        What to know of it, and what could not be written.
     """
-    out, notices = ledger.out, []
+    out, kept = ledger.out, tables.kept()
     write_table(out / MEASUREMENTS, tables.measurements)
     write_table(out / SUMMARY, tables.summary)
-    shares = share_picks(tables.kept())
-    if len(shares):
-        write_table(out / SHARES, shares)
-    else:
-        (out / SHARES).unlink(missing_ok=True)
-    try:
-        write_table(out / PARQUET, tables.measurements)
-    except ImportError:
-        message = f"{PARQUET} needs pyarrow: pip install 'tagsway[cluster]'"
-        notices.append(Notice(code="no_parquet", message=message))
-    kept_names: set[Path] = set()
-    for subset in tables.subsets:
-        notices += _write_subset(tables, subset, items, ledger, kept_names)
-    for folder, ending in ((out / "figures", "*.png"), (out / "shapers", "*.json")):
-        for stale in set(folder.glob(ending)) - kept_names:
+    shares, effects = share_picks(kept), find_effects(kept)
+    for name, table in ((SHARES, shares), (EFFECTS, effects.table)):
+        if len(table):
+            write_table(out / name, table)
+        else:
+            (out / name).unlink(missing_ok=True)
+    notices = [*effects.notices, *_tell_copies(tables)]
+    figures, shapers, told = _write_subsets(tables, found, ledger, crew)
+    notices += told
+    if effects.frequency is not None:
+        figures[WHOLE] = [_write_factors(out, kept, effects.frequency)]
+    drawn = {path for paths in figures.values() for path in paths}
+    for folder, ending, written in ((out / "figures", "*.png", drawn), (out / "shapers", "*.json", shapers)):
+        for stale in set(folder.glob(ending)) - written:
             stale.unlink()
-    measured = modes_of(tables.kept(), source=MEASUREMENTS)
-    shaper, reason = recommend_shaper(measured)
+    shaper, reason = recommend_shaper(modes_of(kept, source=MEASUREMENTS))
     if shaper is not None:
         write_shaper(out / "shaper.json", shaper)
     else:
         (out / "shaper.json").unlink(missing_ok=True)
         notices.append(Notice(code="no_shaper", message=f"no shaper for the whole set: {reason}"))
-    return tuple(notices)
-
-
-def recommend_shaper(measured: MeasuredModes | None) -> tuple[Shaper | None, str]:
-    """Return the shortest shaper that keeps V under 5 % over the spread between measurements, or why there is none.
-
-    Of a single measurement, whose spread is not known, it is a ZV.
-    """
-    if measured is None:
-        return None, "no measurement has a frequency and a damping ratio"
-    source = f"{measured.source}: median of {len(measured.frequency_hz)}"
-    try:
-        if measured.spread is None or not measured.spread.natural_frequency_std_percent > 0:
-            return design_shaper("zv", measured.mode, source=source), ""
-        return choose_shaper(measured.mode, spread=measured.spread, source=source), ""
-    except InputError as fault:
-        return None, str(fault)
+    write_set_page(
+        out,
+        tables,
+        title=found.name,
+        shares=shares,
+        effects=effects,
+        shaper=shaper,
+        no_shaper=reason,
+        notices=notices,
+        figures=figures,
+    )
+    return (*notices, *_write_parquet(out, tables))
 
 
 def name_file(subset: str) -> str:
@@ -96,48 +95,88 @@ def name_file(subset: str) -> str:
     return f"{plain}-{hashlib.sha256(subset.encode()).hexdigest()[:6]}".lstrip("-")
 
 
-def _write_subset(
-    tables: Tables, subset: str, items: Sequence[Item], ledger: Ledger, written: set[Path]
-) -> list[Notice]:
-    """Write a subset's shaper and its figures, and note their paths."""
-    whole, kept = tables.measurements, tables.kept(subset)
-    part = whole[whole["subset"] == subset]
-    name, figures = name_file(subset), ledger.out / "figures"
-    measured = modes_of(kept, source=MEASUREMENTS)
-    shaper, reason = recommend_shaper(measured)
-    curve = None
-    if shaper is not None and measured is not None:
-        path = ledger.out / "shapers" / f"{name}.json"
-        write_shaper(path, shaper)
-        written.add(path)
-        mode = measured.mode
-        half = max(0.25, 1.3 * float(np.max(np.abs(measured.frequency_hz / mode.frequency_hz - 1))))
-        frequency = mode.frequency_hz * np.linspace(max(1 - half, 0.02), 1 + half, 401)
-        curve = residual_curve(shaper, frequency, mode.damping_ratio)
-    rejected = part.loc[part["rejected_by"] != "", FREQUENCY].dropna().to_numpy(dtype=float)
-    frequency_hz: FloatArray = kept[FREQUENCY].to_numpy(dtype=float)
-    path = figures / f"{name}-frequency.png"
-    write_figure(plot_scatter(frequency_hz, curve, shaper=shaper, title=subset, rejected_hz=rejected), path)
-    written.add(path)
+def _write_parquet(out: Path, tables: Tables) -> list[Notice]:
+    try:
+        write_table(out / PARQUET, tables.measurements)
+    except ImportError:
+        message = f"{PARQUET} needs pyarrow: pip install 'tagsway[cluster]'"
+        return [Notice(code="no_parquet", message=message)]
+    return []
+
+
+def _tell_copies(tables: Tables) -> list[Notice]:
+    if not tables.copies:
+        return []
+    many = "1 measurement is a copy" if tables.copies == 1 else f"{tables.copies} measurements are copies"
+    message = (
+        f"{many}: another file has the same content and settings; a copy is no repeat, and only one of them counts "
+        "(see rejected_by)"
+    )
+    return [Notice(code="copies", message=message)]
+
+
+def _write_factors(out: Path, kept: pd.DataFrame, model: FactorModel) -> Path:
+    """Draw the frequency against the factors of the whole set, with their effects."""
     few = kept.iloc[:: max(1, len(kept) // MOST_POINTS)]
-    factors = _varied(few)
-    if factors:
-        path = figures / f"{name}-factors.png"
-        write_figure(plot_factors(few[FREQUENCY].to_numpy(dtype=float), factors, title=subset), path)
-        written.add(path)
+    asked = {one.factor for one in model.effects} | {one.factor for one in model.unanswered}
+    factors = {name: values for name, values in factor_values(few).items() if name in asked and len(set(values)) > 1}
+    frequency_hz = few[FREQUENCY].to_numpy(dtype=float)
+    path = out / "figures" / "factors.png"
+    write_figure(plot_factors(frequency_hz, factors, effects=model.effects, title="All subsets"), path)
+    return path
+
+
+def _write_subsets(
+    tables: Tables, found: MeasurementSet, ledger: Ledger, crew: Crew | None
+) -> tuple[dict[str, list[Path]], set[Path], list[Notice]]:
+    """Write the figures and the shaper of each subset, and return their paths."""
+    figures: dict[str, list[Path]] = {}
+    shapers: set[Path] = set()
+    notices: list[Notice] = []
+    tasks = [_task(tables, subset, found.items, ledger) for subset in tables.subsets]
+    for task, drawn in zip(tasks, _draw_all(tasks, crew), strict=True):
+        name = name_file(task.name)
+        if drawn.shaper is not None:
+            path = ledger.out / "shapers" / f"{name}.json"
+            write_shaper(path, drawn.shaper)
+            shapers.add(path)
+        else:
+            notices.append(Notice(code="no_shaper", message=f"no shaper for {task.name}: {drawn.no_shaper}"))
+        figures[task.name] = []
+        for what, png in drawn.pictures:
+            path = ledger.out / "figures" / f"{name}-{what}.png"
+            with whole_file(path) as part:
+                part.write_bytes(png)
+            figures[task.name].append(path)
+    return figures, shapers, notices
+
+
+def _draw_all(tasks: list[SubsetTask], crew: Crew | None) -> list[DrawnSubset]:
+    """Draw the subsets, by the workers where there are any."""
+    if crew is not None and len(tasks) > 1:
+        try:
+            return list(crew.executor.map(draw_subset, tasks))
+        except Exception as fault:
+            if not crew.died(fault):
+                raise
+    return [draw_subset(task) for task in tasks]
+
+
+def _task(tables: Tables, subset: str, items: Sequence[Item], ledger: Ledger) -> SubsetTask:
+    whole, kept = tables.measurements, tables.kept(subset)
+    out = (whole["subset"] == subset) & (whole["rejected_by"] != "")
+    few = kept.iloc[:: max(1, len(kept) // MOST_POINTS)]
     decays, unit = _decays([item for item in items if item.subset == subset], kept, ledger)
-    if decays:
-        path = figures / f"{name}-decays.png"
-        write_figure(plot_decays(decays, unit=unit, title=subset), path)
-        written.add(path)
-    return [] if shaper is not None else [Notice(code="no_shaper", message=f"no shaper for {subset}: {reason}")]
-
-
-def _varied(kept: pd.DataFrame) -> dict[str, list[object]]:
-    """Return the factors that differ within a subset."""
-    known = {*FIRST, *TEXTS, *NUMBERS}
-    names = [name for name in kept.columns if name not in known and kept[name].nunique() > 1]
-    return {name: list(kept[name]) for name in names}
+    return SubsetTask(
+        name=subset,
+        frequency_hz=kept[FREQUENCY].to_numpy(dtype=float),
+        rejected_hz=whole.loc[out, FREQUENCY].dropna().to_numpy(dtype=float),
+        measured=modes_of(kept, source=MEASUREMENTS),
+        few_hz=few[FREQUENCY].to_numpy(dtype=float),
+        factors={name: values for name, values in factor_values(few).items() if few[name].nunique() > 1},
+        decays=decays,
+        unit=unit,
+    )
 
 
 def _decays(

@@ -14,6 +14,10 @@ REMOTE = ("http", "https", "s3", "gs", "gcs", "abfs", "az", "sftp", "webdav")
 """What leads to another machine, and to no file of this one."""
 
 
+STAMPS = ("ETag", "etag", "mtime", "LastModified", "Last-Modified", "updated")
+"""What file systems call that by which a change is seen."""
+
+
 def is_url(text: str) -> bool:
     """Tell whether a name is a URL."""
     return "://" in text
@@ -32,7 +36,10 @@ def find_remote(url: str, *, origin: str) -> list[str]:
     if not any(sign in url for sign in "*["):
         return [url]
     fs, path = _open(url)
-    found = sorted(fs.unstrip_protocol(name) for name in fs.glob(path))
+    try:
+        found = sorted(fs.unstrip_protocol(name) for name in fs.glob(path))
+    except Exception as fault:  # each kind of file system has its own
+        raise InputError(f"{origin}: file {url!r} cannot be listed: {fault}") from None
     if not found:
         raise InputError(f"{origin}: file {url!r} matches nothing")
     return found
@@ -46,9 +53,12 @@ def stamp_of(path: str) -> str | None:
         except (InputError, OSError):
             return None
         return _digest(f"{stat.st_size}-{stat.st_mtime_ns}" for stat in stats)
-    fs, name = _open(url=path)
-    info = fs.info(name)
-    told = [str(info[key]) for key in ("ETag", "etag", "mtime", "LastModified", "updated") if info.get(key)]
+    fs, name = _open(path)
+    try:
+        info = fs.info(name)
+    except Exception:  # each kind of file system has its own; what is wrong is told where the file is fetched
+        return None
+    told = [str(info[key]) for key in STAMPS if info.get(key)]
     return _digest([str(info.get("size")), *told]) if told else None
 
 
@@ -63,8 +73,9 @@ def local_copy(path: str) -> Iterator[Path]:
         fs, name = _open(path)
         try:
             fs.get(name, str(copy))
-        except (OSError, ValueError) as fault:
-            raise InputError(f"{path} cannot be fetched: {fault}") from None
+        except Exception as fault:  # each kind of file system has its own
+            reason = "not found" if isinstance(fault, FileNotFoundError) else fault
+            raise InputError(f"{path} cannot be fetched: {reason}") from None
         yield copy
 
 

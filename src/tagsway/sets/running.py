@@ -123,7 +123,8 @@ class Runner:
             )
         self.ledger.enter(item, outcome, stamp=stamp)
         event = "finished" if outcome.lines else "known" if outcome.key else "failed"
-        details = {"error": outcome.error} if outcome.error else {"key": outcome.key}
+        details: dict[str, object] = {"error": outcome.error} if outcome.error else {"key": outcome.key}
+        details |= {name: getattr(outcome, name) for name in ("frames", "worker", "trace") if getattr(outcome, name)}
         self.ledger.note(
             item, event, seconds=round(outcome.seconds, 3), cpu_seconds=round(outcome.cpu_seconds, 3), **details
         )

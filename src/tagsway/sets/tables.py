@@ -8,14 +8,24 @@ import numpy as np
 import pandas as pd
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.model import BoolArray, FloatArray
-from tagsway.repeats import factor_share, fit_random_effects, reject_beyond_sigma, reject_by_esd, summarise_repeats
+from tagsway.model import BoolArray, Estimate, FloatArray
+from tagsway.repeats import (
+    factor_share,
+    fit_random_effects,
+    pool_shares,
+    reject_beyond_sigma,
+    reject_by_esd,
+    summarise_repeats,
+)
 from tagsway.sets.ledger import Ledger
 from tagsway.sets.manifest import Item
 from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
 
 FIRST = ("file", "pick", "subset")
-TEXTS = ("status", "error", "warnings", "rejected_by", "result")
+COPY = "copy of "
+"""What `rejected_by` says of a file that holds what another holds, before the other's name."""
+
+TEXTS = ("status", "error", "warnings", "rejected_by", "key")
 NUMBERS = (
     "frames",
     "window_start_s",
@@ -54,8 +64,8 @@ NUMBERS = (
 WHOLE = "(all)"
 """The summary's last row."""
 
-PICKED = "pick_position"
-REPEATED = frozenset({"set", "repeat", "run", "date", "operator"})
+PICKED, SET = "pick_position", "set"
+REPEATED = frozenset({SET, "repeat", "run", "date", "operator"})
 """Factors that tell repeats apart, and not what was repeated."""
 
 NO_NUMBER = frozenset({"failed", "not_determined"})
@@ -70,11 +80,14 @@ class Tables:
     measurements : DataFrame
         A row a measurement, sorted by subset, file and pick.
     summary : DataFrame
-        A row a subset, and one for all.
+        A row a subset, one for each of several sets, and one for all.
+    copies : int
+        Measurements that were left out because another has the same content and settings.
     """
 
     measurements: pd.DataFrame
     summary: pd.DataFrame
+    copies: int
 
     @property
     def subsets(self) -> list[str]:
@@ -100,8 +113,9 @@ def tabulate(items: Iterable[Item], ledger: Ledger) -> Tables:
     """
     rows = []
     for item in items:
+        key = ledger.result_of(item) or ""
         for row in ledger.rows(item):
-            rows.append({"file": item.name, "subset": item.subset, **dict(item.factors), **row})
+            rows.append({"file": item.name, "subset": item.subset, "key": key, **dict(item.factors), **row})
     return make_tables(rows)
 
 
@@ -115,18 +129,19 @@ def make_tables(rows: Iterable[Mapping[str, Any]]) -> Tables:
     """
     table = arrange_rows(rows)
     table = table.sort_values(["subset", "file", "pick"], kind="stable", ignore_index=True)
-    for _, part in table.groupby("subset", sort=True):
+    first = table.groupby([table["key"], table["pick"].fillna(0)], sort=False)["file"].transform("first")
+    copied = (table["key"] != "") & table[FREQUENCY].notna() & (first != table["file"])
+    table.loc[copied, "rejected_by"] = COPY + first[copied]
+    for _, part in table[~copied].groupby("subset", sort=True):
         table.loc[part.index, "rejected_by"] = reject(part)
-    summary = [summarise(str(name), part) for name, part in table.groupby("subset", sort=True)]
-    return Tables(measurements=table, summary=pd.DataFrame.from_records([*summary, summarise(WHOLE, table)]))
+    return Tables(measurements=table, summary=_summarise_all(table), copies=int(copied.sum()))
 
 
 def arrange_rows(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Return rows as a table in their order, with all columns of measurements.csv; nothing is rejected."""
     table = pd.DataFrame.from_records(list(rows))
-    known = [*FIRST, *TEXTS, *NUMBERS]
-    factors = sorted(name for name in table.columns if name not in known)
-    table = table.reindex(columns=[*FIRST, *factors, "status", "error", *NUMBERS, "warnings", "rejected_by", "result"])
+    factors = factors_of(table)
+    table = table.reindex(columns=[*FIRST, *factors, "status", "error", *NUMBERS, "warnings", "rejected_by", "key"])
     for name in NUMBERS:
         table[name] = pd.to_numeric(table[name])
     for name in ("pick", "frames"):
@@ -134,9 +149,34 @@ def arrange_rows(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     for name in factors:
         if not pd.api.types.is_numeric_dtype(table[name]):
             table[name] = _as_text(table[name])
-    for name in ("error", "warnings", "rejected_by", "result"):
+    for name in ("error", "warnings", "rejected_by", "key"):
         table[name] = _as_text(table[name])
     return table
+
+
+def factors_of(table: pd.DataFrame) -> list[str]:
+    """Return the columns of a table of measurements that hold factors, sorted."""
+    known = {*FIRST, *TEXTS, *NUMBERS}
+    return sorted(name for name in table.columns if name not in known)
+
+
+def _summarise_all(table: pd.DataFrame) -> pd.DataFrame:
+    """Return summary.csv: the subsets, each of several sets, the whole."""
+    sets = _sets_of(table)
+    rows = [
+        summarise(str(subset), part, of=str(sets[part.index[0]])) for subset, part in table.groupby("subset", sort=True)
+    ]
+    if sets.nunique() > 1:
+        rows += [summarise(WHOLE, part, of=str(name)) for name, part in table.groupby(sets, sort=True) if name]
+    return pd.DataFrame.from_records([*rows, summarise(WHOLE, table)])
+
+
+def _sets_of(table: pd.DataFrame) -> "pd.Series[Any]":
+    """Return the set of each measurement: the factor's value, or else the first folder above its subset's."""
+    if SET in table:
+        return _as_text(table[SET])
+    subset = table["subset"].astype(str)
+    return subset.str.partition("/")[0].where(subset.str.contains("/", regex=False), "")
 
 
 def reject(part: pd.DataFrame) -> list[str]:
@@ -154,13 +194,14 @@ def reject(part: pd.DataFrame) -> list[str]:
     return ["; ".join(name for name, out in verdicts if out[row]) for row in range(len(part))]
 
 
-def summarise(name: str, part: pd.DataFrame) -> dict[str, Any]:
-    """Return a row of summary.csv: how many, and medians, ± deviation and s of what was kept."""
+def summarise(name: str, part: pd.DataFrame, *, of: str = "") -> dict[str, Any]:
+    """Return a row of summary.csv: which set, how many, and medians, ± deviation and s of what was kept."""
     failed = part["status"].isin(NO_NUMBER).to_numpy()
     rejected = (part["rejected_by"] != "").to_numpy()
     kept = part[~failed & ~rejected]
     row: dict[str, Any] = {
         "subset": name,
+        "set": of,
         "n": len(part),
         "failed": int(failed.sum()),
         "rejected": int(rejected.sum()),
@@ -192,24 +233,36 @@ def share_picks(kept: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         A row for each quantity and each combination of the other factors that has both, with the share's standard
-        error and interval; empty where nothing was varied or the sets are too small.
+        error and interval, and where there are several one for all; empty where nothing was varied or the sets are
+        too small. A factor that varies within subsets widens both sets alike and is no such combination.
     """
     rows: list[dict[str, Any]] = []
     if PICKED not in kept or not {"varied", "held"} <= set(kept[PICKED]):
         return pd.DataFrame()
-    known = {*FIRST, *TEXTS, *NUMBERS, PICKED, *REPEATED}
-    others = [name for name in kept.columns if name not in known]
+    others = [
+        name
+        for name in factors_of(kept)
+        if name not in {PICKED, *REPEATED} and kept.groupby("subset")[name].nunique().max() == 1
+    ]
     alike = kept[others].astype(str).agg(", ".join, axis=1) if others else pd.Series("", index=kept.index)
-    for words, part in kept.groupby(alike, sort=True):
-        for name in (FREQUENCY, DAMPING):
+    for name in (FREQUENCY, DAMPING):
+        shares: list[Estimate] = []
+        for words, part in kept.groupby(alike, sort=True):
             varied, held = (part.loc[part[PICKED] == level, name].to_numpy(dtype=float) for level in ("varied", "held"))
             try:
-                share = factor_share(varied, held)
+                shares.append(factor_share(varied, held))
             except NotIdentifiableError:
                 continue
             row = {"factors": words, "quantity": name, "n_varied": len(varied), "n_held": len(held)}
-            rows.append({**row, "share": share.value, "std": share.std, "low": share.ci95[0], "high": share.ci95[1]})
+            rows.append({**row, **_told(shares[-1])})
+        if len(shares) > 1:
+            counts = {what: sum(row[what] for row in rows[-len(shares) :]) for what in ("n_varied", "n_held")}
+            rows.append({"factors": WHOLE, "quantity": name, **counts, **_told(pool_shares(shares))})
     return pd.DataFrame.from_records(rows)
+
+
+def _told(share: Estimate) -> dict[str, float]:
+    return {"share": share.value, "std": share.std, "low": share.ci95[0], "high": share.ci95[1]}
 
 
 def modes_of(kept: pd.DataFrame, *, source: str) -> MeasuredModes | None:

@@ -188,7 +188,7 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _begin(lifeline: Connection, counter: Any) -> None:
-    """Make a new process one that ends with its parent, leaves Ctrl-C to it, and holds one core."""
+    """Make a new process one that ends with its parent, leaves Ctrl-C to it, holds one core, and is ready."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
     if hasattr(os, "sched_setaffinity"):
@@ -197,6 +197,7 @@ def _begin(lifeline: Connection, counter: Any) -> None:
             number = counter.value
             counter.value += 1
         os.sched_setaffinity(0, {cores[(os.getppid() + number) % len(cores)]})
+    import tagsway.sets.measuring  # noqa: F401, before the first job is there
 
 
 def _end_with(lifeline: Connection) -> None:

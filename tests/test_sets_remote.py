@@ -1,0 +1,87 @@
+"""Files by URL, from a real server on this machine."""
+
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import pytest
+
+from set_files import events, inline, write_set
+from tagsway.errors import InputError
+from tagsway.sets.batch import Batch, measure_set
+from tagsway.sets.ledger import open_ledger
+from tagsway.sets.manifest import find_set
+from tagsway.store.measurements import read_measurements
+
+pytest.importorskip("fsspec")
+pytest.importorskip("aiohttp")
+
+PATIENCE_S = 60
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[str]:
+    """Serve the folder `there`, and give its address."""
+    write_set(tmp_path / "there", {"a": [2.0, 2.2], "b c": [2.4]})
+    command = [sys.executable, "-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory"]
+    process = subprocess.Popen([*command, str(tmp_path / "there")], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    assert process.stdout is not None
+    try:
+        port = process.stdout.readline().decode().split(" port ")[1].split()[0]
+        address, end = f"http://127.0.0.1:{port}", time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                urlopen(address).close()
+                break
+            except URLError:
+                assert time.monotonic() < end
+                time.sleep(0.05)
+        yield address
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def manifest(root: Path, *files: str) -> Path:
+    root.mkdir(exist_ok=True)
+    entries = "".join(f'[[measurement]]\nfile = "{file}"\nsubset = "s"\n' for file in files)
+    (root / "set.toml").write_text(f'schema = "tagsway/set/1"\n{entries}')
+    return root
+
+
+def run(path: Path, out: Path) -> Batch:
+    with open_ledger(out) as ledger:
+        return measure_set(path, ledger, inline, begin=lambda *_: None, report=lambda _: None)
+
+
+def test_files_of_a_server_are_measured_once_and_one_that_is_missing_costs_a_row(server, tmp_path) -> None:
+    root, out = manifest(tmp_path / "set", f"{server}/a/*.csv", f"{server}/a/none.mp4"), tmp_path / "out"
+    table = run(root, out).tables.measurements.set_index("file")
+    assert list(table.index) == [f"{server}/a/none.mp4", f"{server}/a/r0.csv", f"{server}/a/r1.csv"]
+    assert table.loc[f"{server}/a/none.mp4", "error"] == f"{server}/a/none.mp4 cannot be fetched: not found"
+    assert read_measurements(out / "measurements.csv").frequency_hz == pytest.approx([2.0, 2.2], rel=1e-3)
+    run(root, out)
+    assert events(out, "finished") == [f"{server}/a/r0.csv", f"{server}/a/r1.csv"]
+    assert events(out, "started").count(f"{server}/a/r0.csv") == 1, "its date tells that it did not change"
+
+
+def test_the_same_files_from_a_server_and_from_this_machine_give_the_same_numbers(server, tmp_path) -> None:
+    far = run(manifest(tmp_path / "far", f"{server}/a/r0.csv"), tmp_path / "1").tables.measurements
+    shutil.copytree(tmp_path / "there", tmp_path / "near")
+    near = run(manifest(tmp_path / "near", "a/r0.csv"), tmp_path / "2").tables.measurements
+    assert far["natural_frequency_hz"].tolist() == near["natural_frequency_hz"].tolist()
+
+
+def test_a_server_that_does_not_answer_is_said(tmp_path) -> None:
+    nowhere = "http://127.0.0.1:9"
+    with pytest.raises(InputError, match="cannot be listed"):
+        find_set(manifest(tmp_path / "globbed", f"{nowhere}/*.csv"))
+    table = run(manifest(tmp_path / "named", f"{nowhere}/r0.csv"), tmp_path / "out").tables.measurements
+    assert "cannot be fetched" in table["error"].iloc[0]
+    assert table["status"].tolist() == ["failed"]
