@@ -125,7 +125,7 @@ def _with_bias(found: Estimate | None, on_clean: Estimate | None, truth: float) 
     std = float(np.hypot(found.std, bias))
     low, high = found.ci95
     middle, half = 0.5 * (low + high), max(0.5 * (high - low) * wider, 1.96 * std)
-    return Estimate(value=found.value, std=std, ci95=(max(middle - half, 0.0), middle + half))
+    return Estimate(value=found.value, std=std, ci95=(max(middle - half, 0.0), max(middle + half, 0.0)))
 
 
 def _spectral(samples: Samples, fit: DecayFit, clean: FloatArray, up: float, truth: float) -> Estimate | None:

@@ -128,7 +128,7 @@ def _stands_out(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
         return False
     # An overtone belongs to the first mode's path, not to another body.
     ratio = omega / fit.parameters[OMEGA]
-    if any(abs(ratio - k) < 0.03 * k for k in (2, 3)):
+    if any(abs(ratio - k) < 0.02 * k for k in (2, 3)):
         return False
     apart = min(abs(omega - fit.parameters[pole_places(k)[0]]) * _lasting(fit, span, k, mode) for k in range(mode))
     if not (0.02 < ratio < 50 and apart > RESOLVED * 2 * np.pi):
