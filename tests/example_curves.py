@@ -14,6 +14,7 @@ from tagsway.model import (
     Pendulum,
     PendulumCurve,
     ResidualCurve,
+    RidgeCurve,
     SpectrumCurve,
     TrackCurve,
     TrajectoryCurve,
@@ -77,6 +78,7 @@ def draw_curves() -> Curves:
         backbone=_backbone(),
         excitation=_excitation(time, pivot, pivot + simulated),
         pendulum=PendulumCurve(time_s=time, measured=pcp - tcp, simulated=simulated),
+        ridge=_ridge(),
         residual=_residual(),
         trajectory=_trajectory(),
     )
@@ -141,6 +143,15 @@ def _excitation(time: FloatArray, tool: FloatArray, product: FloatArray) -> Exci
         move_s=(MOVE_START_S, MOVE_END_S),
         late_s=6.76,
         bandwidth_hz=12.0,
+    )
+
+
+def _ridge() -> RidgeCurve:
+    length = 1e-3 * np.linspace(45.1, 46.6, 15)
+    return RidgeCurve(
+        length_m=length,
+        stiffness_over_inertia_rad2_s2=(2 * np.pi * 2.4727) ** 2 - 9.81 / length,
+        delta_chi2=((length - 0.04585) / 0.00021) ** 2,
     )
 
 

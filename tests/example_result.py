@@ -27,6 +27,8 @@ from tagsway.model import (
     Notice,
     PeakAcceleration,
     PendulumEstimate,
+    PointMassFit,
+    Prior,
     Residual,
     ResidualAcceleration,
     Result,
@@ -286,6 +288,20 @@ def _pendulum() -> PendulumEstimate:
         implied=Implied(natural_frequency_hz=2.4719, damping_ratio=0.00402),
         rms_residual_m=0.00021,
         max_residual_m=0.00094,
+        comparison=PointMassFit(
+            length_m=0.04571,
+            stiffness_over_inertia_rad2_s2=26.5,
+            damping_over_inertia_rad_s=0.1249,
+            stiffness_n_m_per_rad=0.01246,
+            damping_n_m_s_per_rad=5.87e-5,
+            rms_residual_m=0.00034,
+            max_residual_m=0.00151,
+        ),
+        priors=(
+            Prior(name="scale", value=0.0, std=0.003, unit="1"),
+            Prior(name="gravity_tilt", value=0.0, std=0.0087, unit="rad"),
+            Prior(name="length", value=45.85, std=0.5, unit="mm"),
+        ),
     )
 
 

@@ -179,16 +179,15 @@ def test_a_track_without_noise_is_determined() -> None:
     assert abs(deviation(found.length_m, STIFF.length_m)) < 4  # statistics: of the priors
 
 
-def test_a_spring_that_stiffens_is_refused_before_k_is_wrong_by_a_quarter() -> None:
-    for acceleration in (2.0, 4.0):
-        found = fit(record(FLEXIBLE, pick_and_place(acceleration), seed=13, stiffening_per_rad2=0.2)).estimate
-        if found.determined:
-            assert found.stiffness_over_inertia_rad2_s2 is not None
-            k = found.stiffness_over_inertia_rad2_s2.value
-            assert abs(k / FLEXIBLE.stiffness_over_inertia_rad2_s2 - 1) < 0.25
-        else:
-            assert "times what noise explains" in found.reason
-    assert not found.determined
+@pytest.mark.parametrize("acceleration", [2.0, 4.0])
+def test_a_spring_that_stiffens_widens_the_errors_and_bends_no_claim(acceleration: float) -> None:
+    found = fit(record(FLEXIBLE, pick_and_place(acceleration), seed=13, stiffening_per_rad2=0.2)).estimate
+    # statistics: 3 standard errors, as is asked of every scene
+    assert abs(deviation(found.length_m, FLEXIBLE.length_m)) < 3
+    if found.determined:
+        assert found.stiffness_over_inertia_rad2_s2 is not None
+        k = found.stiffness_over_inertia_rad2_s2.value
+        assert abs(k / FLEXIBLE.stiffness_over_inertia_rad2_s2 - 1) < 0.25  # what is asked of every claim
 
 
 def test_scale_moves_k_and_leaves_no_trace_so_its_prior_is_in_the_errors(flexible_fit: PendulumFit) -> None:

@@ -24,6 +24,7 @@ from tagsway.report.figures import (
     plot_trajectory,
     write_figures,
 )
+from tagsway.report.pendulum_figures import plot_ridge
 from tagsway.report.style import length_unit, shown_range, sideways_axis
 
 PLOTS: dict[str, Callable[..., Figure]] = {
@@ -33,6 +34,7 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "backbone": plot_backbone,
     "excitation": plot_excitation,
     "pendulum": plot_pendulum,
+    "ridge": plot_ridge,
     "residual": plot_residual,
     "trajectory": plot_trajectory,
 }

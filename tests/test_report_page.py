@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import example_result
+from tagsway.model import Estimate, TwoMasses
 from tagsway.report.charts import make_charts, share_abscissae
 from tagsway.report.page import render_page
 from tagsway.report.style import thin
@@ -264,3 +265,24 @@ def _with_probe(html: str) -> str:
     script = PROBE.removeprefix("<script>").removesuffix("</script></body>")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return html.replace("script-src ", f"script-src 'sha256-{digest}' ").replace("</body>", PROBE)
+
+
+def test_the_pendulum_shows_its_priors_its_rival_and_its_ridge() -> None:
+    result, curves = example_result.example()
+    html = render_page(result, curves, title="x")
+    text = Outline(html).text
+    for words in ("by positions alone", "scale of both tags ± 0.3 %", "stated l = 45.85 ± 0.5 mm", "a narrow valley"):
+        assert words.lower() in text.lower()
+    ridge = make_charts(result, curves)["ridge"]
+    assert min(ridge["data"][1]["y"]) < 0.2 < 3.84 < max(ridge["data"][1]["y"])
+    assert result.pendulum is not None
+    assert "by two masses" not in text
+    both = TwoMasses(
+        file="other.json",
+        mass_kg=0.4,
+        length_m=Estimate.normal(0.0459, 2e-4),
+        stiffness_n_m_per_rad=Estimate.normal(0.013, 1e-3),
+        stiffness_shift_percent=12.0,
+    )
+    heavier = replace(result, pendulum=replace(result.pendulum, two_masses=both))
+    assert "by two masses" in Outline(render_page(heavier, curves, title="x")).text

@@ -119,32 +119,35 @@ class Arc:
 
 Witness = Literal["circle", "rotation", "both"]
 
-FREE = {"circle": [0, 1, 2], "rotation": [0, 1, 3], "both": [0, 1, 2, 3]}
-"""Which of x, z, r and the angle's zero each witness tells; the stretch of z none, it is only reckoned with."""
+FREE = {"circle": [0, 1, 2, 5], "rotation": [0, 1, 3, 5], "both": [0, 1, 2, 3, 5]}
+"""Which of x, z, r, the angle's zero and the relative scale each witness tells; the stretch of z none, it is only
+reckoned with."""
 
-STRETCH = 4
-"""Place of the stretch of z among the parameters."""
+STRETCH, RELATIVE = 4, 5
+"""Places of the stretch of z and of one tag's scale against the other's among the parameters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Samples:
-    """What is fitted: positions, the tag's angle (NaN: none), the tool's turn, and the noise."""
+    """What is fitted: positions, the tag's angle (NaN: none), the tool's turn and path, and the noise."""
 
     point: FloatArray
     sigma: FloatArray
     angle: FloatArray
     angle_std: FloatArray
     turn: FloatArray
+    tool: FloatArray
 
     def arm(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return how far each sample is right of the pivot, and below it."""
         # The pivot sits on the tool: where the tool turns, so does its offset from the TCP tag.
         sine, cosine = np.sin(self.turn), np.cos(self.turn)
-        right = self.point[:, 0] - cosine * p[0] + sine * p[1]
-        return right, (sine * p[0] + cosine * p[1] - self.point[:, 1]) * (1 - p[STRETCH])
+        point = self.point - p[RELATIVE] * self.tool
+        right = point[:, 0] - cosine * p[0] + sine * p[1]
+        return right, (sine * p[0] + cosine * p[1] - point[:, 1]) * (1 - p[STRETCH])
 
     def residuals(self, p: FloatArray, noise: FloatArray, witness: Witness) -> FloatArray:
-        """Return what is left of (x, z, r, zero, stretch): of the circle, then of the rotation.
+        """Return what is left of (x, z, r, zero, stretch, relative scale): of circle, rotation, and relative scale.
 
         The sample's own place on the arc is a nuisance: minimised over it, what is left is the distance to the circle,
         and the difference of two angles, of which one is measured as σ / r. `noise` are factors on both witnesses'.
@@ -158,7 +161,7 @@ class _Samples:
             gap = np.arctan2(right, down) - self.angle + p[3]
             spread = np.hypot(noise[1] * self.angle_std, noise[0] * self.sigma / np.maximum(distance, 1e-9))
             left.append((gap - 2 * np.pi * np.round(gap / (2 * np.pi)))[self.turned] / spread[self.turned])
-        return np.concatenate(left)
+        return np.concatenate([*left, p[[RELATIVE]] / RELATIVE_SCALE_STD])
 
     @property
     def turned(self) -> BoolArray:
@@ -173,6 +176,7 @@ def fit_arc(
     angle_std_rad: FloatArray | None = None,
     *,
     tool_turn_rad: FloatArray | None = None,
+    tool_m: FloatArray | None = None,
 ) -> Arc:
     """Fit the circle of the PCP about its pivot, to its positions and to its tag's own rotation.
 
@@ -184,6 +188,8 @@ def fit_arc(
         The tag's own rotation, from any constant zero, and its standard error; NaN is left out.
     tool_turn_rad : ndarray, shape (n,), optional
         The tool's rotation from where the offset is wanted, smooth; the pivot's offset turns with it.
+    tool_m : ndarray, shape (n, 2), optional
+        The tool's path where it moves: a share of it that is one tag's scale against the other's shifts the product.
 
     Returns
     -------
@@ -197,10 +203,10 @@ def fit_arc(
 
     Notes
     -----
-    In four unknowns c, r and the angle's zero φ0, with d = PCP - TCP - c: |d| = r ± σ, and
-    atan2(d_x, -d_z) = φ - φ0 ± √(σ_φ² + σ²/r²). It is orthogonal regression: an angle's noise does not shorten r. A
-    short arc (below 0.3 rad) is known by its rotation, a long one by its circle; a joint fit is never worse than the
-    better of the two. Gravity does not enter: a tilted picture turns the offset and leaves r.
+    In five unknowns c, r, the angle's zero φ0 and the relative scale e = 0 ± 0.5 %, with d = PCP - (1 + e) TCP - c:
+    |d| = r ± σ, and atan2(d_x, -d_z) = φ - φ0 ± √(σ_φ² + σ²/r²). It is orthogonal regression: an angle's noise does not
+    shorten r. A short arc (below 0.3 rad) is known by its rotation, a long one by its circle; a joint fit is never
+    worse than the better of the two. Gravity does not enter: a tilted picture turns the offset and leaves r.
 
     Each witness's residuals say what its noise is, never less than stated, and how coloured it is: the errors are
     widened by √(1 + 2 Σ ρ), ρ their autocorrelation. Where the witnesses disagree, the circle alone is believed if it
@@ -210,7 +216,7 @@ def fit_arc(
     ----------
     .. [1] N. Chernov and C. Lesort, J. Math. Imaging Vis. 23 (2005) 239-252.
     """
-    samples = _present(sway_m, std_m, angle_rad, angle_std_rad, tool_turn_rad)
+    samples = _present(sway_m, std_m, angle_rad, angle_std_rad, tool_turn_rad, tool_m)
     rotates = np.count_nonzero(samples.turned) >= LEAST_SAMPLES
     start = _start_of_rotation(samples) if rotates else _start_of_circle(samples)
     circle, noise = _fit(samples, start, "circle", np.ones(2))
@@ -245,7 +251,8 @@ def _fit(samples: _Samples, start: FloatArray, witness: Witness, noise: FloatArr
             noise = noise.copy()
             noise[witness == "rotation"] *= max(1.0, 1.4826 * float(np.median(np.abs(left))))
     shift = VERTICAL_SCALE_STD * (residual(solution.x, STRETCH_STEP) - left) / STRETCH_STEP
-    parts = (slice(0, len(samples.point)), slice(len(samples.point), None)) if witness == "both" else (slice(None),)
+    middle = len(samples.point)
+    parts = (slice(0, middle), slice(middle, -1)) if witness == "both" else (slice(0, -1),)
     covariance = _covariance(np.asarray(solution.jac), left, shift, parts)
     if witness == "rotation":
         return _radius_of_rotation(samples, p, noise[0], covariance[:2, :2]), noise
@@ -309,7 +316,7 @@ def _start_of_circle(samples: _Samples) -> FloatArray:
     design = np.column_stack([2 * shifted, np.ones(len(shifted))])
     (x, z, rest), *_ = np.linalg.lstsq(design, np.sum(shifted**2, axis=1), rcond=None)
     radius = math.sqrt(max(rest + x**2 + z**2, 1e-12))
-    return np.array([x + middle[0], z + middle[1], radius, 0.0, 0.0])
+    return np.array([x + middle[0], z + middle[1], radius, 0.0, 0.0, 0.0])
 
 
 def _start_of_rotation(samples: _Samples) -> FloatArray:
@@ -322,11 +329,16 @@ def _start_of_rotation(samples: _Samples) -> FloatArray:
         p, *_ = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)
         miss = np.abs(target - design @ p)
         weight = np.minimum(1.0, np.median(miss) / np.maximum(miss, 1e-12)) ** 0.5
-    return np.array([p[0], p[1], math.hypot(p[2], p[3]), math.atan2(p[3], p[2]), 0.0])
+    return np.array([p[0], p[1], math.hypot(p[2], p[3]), math.atan2(p[3], p[2]), 0.0, 0.0])
 
 
 def _present(
-    sway: FloatArray, std: FloatArray, angle: FloatArray | None, angle_std: FloatArray | None, turn: FloatArray | None
+    sway: FloatArray,
+    std: FloatArray,
+    angle: FloatArray | None,
+    angle_std: FloatArray | None,
+    turn: FloatArray | None,
+    tool: FloatArray | None,
 ) -> _Samples:
     """Return the samples whose positions are there, thinned evenly where there are many."""
     unknown = np.full(len(sway), np.nan)
@@ -346,4 +358,5 @@ def _present(
         angle=np.where(known, phi[good], np.nan),
         angle_std=np.where(known, np.maximum(np.nan_to_num(phi_std[good]), LEAST_STD_RAD), 1.0),
         turn=turned[good],
+        tool=np.zeros((len(good), 2)) if tool is None else tool[good],
     )

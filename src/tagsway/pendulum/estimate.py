@@ -61,7 +61,8 @@ class PendulumFit:
         Which (l, k/J) fit how well: the profile of the likelihood; None where nothing was fitted.
     notices : tuple of Notice
         Codes `pendulum_not_determined`, `pendulum_indicative`, `no_spring`, `point_mass_equivalent`,
-        `pendulum_record_shortened`, `arc_witnesses_disagree`, `pendulum_disagrees`, `prior_stated`, `prior_disagrees`.
+        `pendulum_record_shortened`, `arc_witnesses_disagree`, `pendulum_disagrees`, `pendulum_unmodelled`,
+        `prior_stated`, `prior_disagrees`.
     """
 
     estimate: PendulumEstimate
@@ -139,7 +140,9 @@ def fit_pendulum(
     (r = l); else they are those of the point mass m at l that moves alike, with the notice `point_mass_equivalent`:
     then k/J and b/J are what is known, since a body's J = m l_c l holds its centre of mass, which no motion shows.
 
-    Not for a payload of two bodies, for a spring that stiffens, nor across a regrip or a contact.
+    What one pendulum does not explain (a light second body, a spring that stiffens, a slip, a sway out of the plane)
+    is sized from the residuals and widens the errors; the largest light body that leaves no trace always does. Not for
+    a payload of two like bodies, whose l is no one's, nor across a regrip or a contact.
     """
     if mass_kg is not None and not (mass_kg > 0 and np.isfinite(mass_kg)):
         raise InputError(f"the mass must be positive, not {mass_kg:g} kg: give the payload's mass, or none")

@@ -3,21 +3,25 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from tagsway.model import BoolArray, Estimate, FloatArray
-from tagsway.pendulum.arc import LEAST_STD_M, LEAST_STD_RAD, SOFTNESS_STD
+from tagsway.pendulum.arc import LEAST_STD_M, LEAST_STD_RAD
 from tagsway.pendulum.assumed import Belief, rows_of
 from tagsway.pendulum.blocks import block_covariance
 from tagsway.pendulum.model import Unknown, angular_frequency, predict
-from tagsway.pendulum.problem import InputModes, Problem, measured
+from tagsway.pendulum.problem import Problem, SharedErrors, measured
 from tagsway.pendulum.record import Record
+from tagsway.pendulum.search import search
+from tagsway.pendulum.tangent import Tangent
+from tagsway.pendulum.unmodelled import find_sizes, find_ways, share_errors
 
 LEAST_GAIN = 12.0
 """By which dry friction has to lower χ² to be believed in: about twice what an information criterion asks for."""
+
+MOST_STEPS, ROUGH, FINE = 60, 0.1, 1e-3
+"""Of a search, and the gain in χ² at which it ends: a tenth is a third of a standard error."""
 
 SPIKE_STD = 6.0
 """Beyond this many of a channel's own deviations a sample is a false detection."""
@@ -50,6 +54,8 @@ class Solution:
         By how many of its standard deviations the fit leaves a prior, at most.
     left_out : float
         Share of the samples of the sway that were taken for spikes.
+    alone : float
+        The excess before anything unmodelled was allowed for: of one pendulum alone.
     """
 
     parameters: FloatArray
@@ -63,6 +69,7 @@ class Solution:
     max_m: float
     largest_pull: float
     left_out: float
+    alone: float
 
     @property
     def rubbed(self) -> bool:
@@ -127,11 +134,12 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
 
     Notes
     -----
-    The fit runs twice. First the soft-L1 loss over x, z and the angle, as if the pivot's path were known: its residuals
-    say how large each channel's noise is, and which samples are spikes. The input's noise moves the whole response and
-    not a sample [1]_, so the second fit is generalised least squares: the covariance of a sample is its noise plus the
-    scatter of the responses to draws of the pivot's path. What is then left should be white with unit variance; where
-    it is larger, the noise's share of the errors is widened by as much.
+    The fit runs three times. First the soft-L1 loss over x, z and the angle, as if the pivot's path were known: its
+    residuals say how large each channel's noise is, and which samples are spikes. The input's noise moves the whole
+    response and not a sample [1]_, so the second fit is generalised least squares: the covariance of a sample is its
+    noise plus the scatter of the responses to draws of the pivot's path. What one pendulum does not explain is then
+    sized, and the third fit counts it among the errors: see `tagsway.pendulum.unmodelled`. What is left should be white
+    with unit variance; where it is larger, the noise's share of the errors is widened by as much.
 
     References
     ----------
@@ -142,44 +150,37 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     priors = rows_of(beliefs)
     first = Problem(record, priors, std, seen)
     if len(starts) > 1:
-        starts = [
-            min((_minimise(first, start, steps=8, tolerance=1e-4) for start in starts), key=lambda one: one[1])[0]
-        ]
-    parameters, _ = _minimise(first, starts[0], steps=25, tolerance=1e-4)
+        tried = [search(first, start, steps=8, tolerance=ROUGH, loss="soft_l1") for start in starts]
+        starts = [min(tried, key=lambda one: one[1])[0]]
+    parameters, _ = search(first, starts[0], steps=MOST_STEPS, tolerance=ROUGH, loss="soft_l1")
 
     std, seen = _judge_noise(first, parameters)
-    second = Problem(record, priors, std, seen)
-    second.input_modes = InputModes.of(second.scaled(_responses(record, parameters)))
-    parameters, _ = _minimise(second, parameters, steps=12, tolerance=1e-6, loss="linear")
-    rubbed = second.rubbed()
-    solution = _solve(second, parameters)
-    if rubbed.gain(parameters, Unknown.FRICTION) > LEAST_GAIN * solution.excess:
-        parameters, _ = _minimise(rubbed, parameters, steps=12, tolerance=1e-6, loss="linear")
-        return rubbed, _solve(rubbed, parameters)
-    return second, solution
+    problem = Problem(record, priors, std, seen)
+    draws = Tangent.of(record, parameters).of_velocity(record.velocity_draws_m_s - record.velocity_m_s[:, :, None])
+    shared = SharedErrors.of(problem.scaled(draws) / math.sqrt(draws.shape[2]))
+    problem = problem.but(shared=shared)
+    parameters, cost = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
+    rubbed = problem.but(rubbed=True)
+    if rubbed.gain(parameters, Unknown.FRICTION) > LEAST_GAIN * max(1.0, cost / len(problem.linearise(parameters)[0])):
+        problem = rubbed
+        parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
+    alone = _excess(problem, parameters)
+    ways = find_ways(problem, parameters)
+    sizes = find_sizes(problem, parameters, ways)
+    if any(sizes):
+        problem = problem.but(shared=share_errors(problem, ways, sizes))
+        parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
+    return problem, _solve(problem, parameters, alone=alone)
 
 
-def _minimise(
-    problem: Problem,
-    start: FloatArray,
-    *,
-    steps: int,
-    tolerance: float,
-    loss: Literal["soft_l1", "linear"] = "soft_l1",
-) -> tuple[FloatArray, float]:
-    solution = least_squares(
-        problem.residual,
-        start[problem.free],
-        jac=problem.jacobian,
-        loss=loss,
-        f_scale=SOFTNESS_STD,
-        x_scale="jac",
-        xtol=tolerance,
-        ftol=tolerance,
-        gtol=tolerance,
-        max_nfev=steps,
-    )
-    return problem.parameters(solution.x), float(solution.cost)
+def _excess(problem: Problem, parameters: FloatArray) -> float:
+    """Return the mean square of the whitened residuals, of all or of those that err together: 1, never less."""
+    left = problem.linearise(parameters)[0]
+    samples = left[: -len(problem.rows)]
+    everywhere = float(np.sum(samples**2)) / max(len(samples) - len(problem.free), 1)
+    # A misfit is smooth and hides where the pivot's uncertain path could explain it: those few directions count alone.
+    along_input = 0.0 if problem.shared is None else problem.shared.excess(samples)
+    return max(1.0, everywhere, along_input)
 
 
 def _judge_noise(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -200,24 +201,12 @@ def _judge_noise(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, 
     return std, seen
 
 
-def _responses(record: Record, parameters: FloatArray) -> FloatArray:
-    """Return what each draw of the pivot's path changes of the samples, shape (3, n, draws)."""
-    draws = record.velocity_draws_m_s
-    columns = np.repeat(parameters[:, None], draws.shape[2], axis=1)
-    shifted = predict(record, columns, draws) - predict(record, parameters[:, None])
-    return np.where(np.isfinite(shifted), shifted, 0.0)
-
-
-def _solve(problem: Problem, parameters: FloatArray) -> Solution:
+def _solve(problem: Problem, parameters: FloatArray, *, alone: float) -> Solution:
     """Return the solution at the second fit's minimum."""
-    record, free = problem.record, parameters[problem.free]
-    residual, jacobian = problem.residual(free), problem.jacobian(free)
-    rows = len(problem.rows)
+    record, rows = problem.record, len(problem.rows)
+    residual, jacobian = problem.linearise(parameters)
     samples, slopes = residual[:-rows], jacobian[:-rows]
-    everywhere = float(np.sum(samples**2)) / max(len(samples) - len(free), 1)
-    # A misfit is smooth and hides where the pivot's uncertain path could explain it: those few directions count alone.
-    along_input = 0.0 if problem.input_modes is None else problem.input_modes.excess(samples)
-    excess = max(1.0, everywhere, along_input)
+    excess = _excess(problem, parameters)
     prior = jacobian[-rows:].T @ jacobian[-rows:]
     inverse = np.asarray(np.linalg.pinv(slopes.T @ slopes + prior, hermitian=True), dtype=float)
     scattered = inverse @ (_scatter(problem, samples, slopes, parameters) + prior) @ inverse
@@ -237,6 +226,7 @@ def _solve(problem: Problem, parameters: FloatArray) -> Solution:
         rms_m=float(np.sqrt(np.mean(distance**2))),
         max_m=float(np.max(distance)),
         largest_pull=float(np.max(np.abs(residual[-rows:]))),
+        alone=alone,
         left_out=1 - np.count_nonzero(both) / np.count_nonzero(np.all(np.isfinite(record.sway_m), axis=1)),
     )
 

@@ -76,70 +76,88 @@ def coulomb_friction(parameters: FloatArray) -> FloatArray:
     return np.asarray(parameters[Unknown.FRICTION] * angular_frequency(parameters) ** 2)
 
 
-def predict_angle(record: Record, parameters: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
-    """Return the pendulum's angle at the record's samples.
+def ensemble_of(parameters: FloatArray) -> PendulumEnsemble:
+    """Return the pendulums of parameters of shape (15, m)."""
+    return PendulumEnsemble(
+        length_m=length_m(parameters),
+        stiffness_over_inertia_rad2_s2=stiffness_over_inertia(parameters),
+        damping_over_inertia_rad_s=damping_over_inertia(parameters),
+        quadratic_drag_per_rad=parameters[Unknown.DRAG],
+        coulomb_friction_rad_s2=coulomb_friction(parameters),
+    )
 
-    Parameters
-    ----------
-    record : Record
-        Gives the nodes and the samples' times.
-    parameters : ndarray, shape (15, m)
-        One set a column.
-    velocity_m_s : ndarray, shape (2 k - 1, 2) or (2 k - 1, 2, m)
-        The TCP's, as the camera saw it.
 
-    Returns
-    -------
-    ndarray, shape (n, m)
-        Simulated from node to node, between them the cubic of q and q'.
-    """
-    p = parameters
-    velocity = velocity_m_s if velocity_m_s.ndim == 3 else velocity_m_s[:, :, None]
+def pivot_velocity(record: Record, parameters: FloatArray) -> FloatArray:
+    """Return the pivot's true velocity at the nodes and half-way between, shape (2 k - 1, 2, m)."""
+    velocity = record.velocity_m_s[:, :, None]
     if np.any(record.turn_rate_rad_s):
-        across, up = _turned_offset(p, record.turn_at_rad)
+        across, up = _turned_offset(parameters, record.turn_at_rad)
         swirl = record.turn_rate_rad_s[:, None]
         velocity = velocity + np.stack([-swirl * up, swirl * across], axis=1)
+    return true_velocity(parameters, velocity)
+
+
+def true_velocity(parameters: FloatArray, seen_m_s: FloatArray) -> FloatArray:
+    """Return what is a velocity of the TCP where the camera shows another, shape (k, 2, m) both."""
+    p = parameters
     sine, cosine = np.sin(p[Unknown.TILT]), np.cos(p[Unknown.TILT])
     scale = 1 + p[Unknown.SCALE] - p[Unknown.RELATIVE_SCALE] / 2
-    x, z = velocity[:, 0] / scale, velocity[:, 1] / (scale * (1 + p[Unknown.VERTICAL_SCALE]))
-    true_velocity = np.stack([cosine * x + sine * z, cosine * z - sine * x], axis=1)
-    columns = (true_velocity.shape[2],)
-    length = np.broadcast_to(length_m(p), columns)
-    angle = p[Unknown.ANGLE]
-    push = (true_velocity[0, 0] * np.cos(angle) + true_velocity[0, 1] * np.sin(angle)) / length
-    q, rate = simulate_sway(
-        PendulumEnsemble(
-            length_m=length,
-            stiffness_over_inertia_rad2_s2=stiffness_over_inertia(p),
-            damping_over_inertia_rad_s=damping_over_inertia(p),
-            quadratic_drag_per_rad=p[Unknown.DRAG],
-            coulomb_friction_rad_s2=np.broadcast_to(coulomb_friction(p), columns),
-        ),
+    x, z = seen_m_s[:, 0] / scale, seen_m_s[:, 1] / (scale * (1 + p[Unknown.VERTICAL_SCALE]))
+    return np.stack([cosine * x + sine * z, cosine * z - sine * x], axis=1)
+
+
+def start_of(parameters: FloatArray, velocity_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return q and p at the first node: the momentum is the rate's, and what the pivot's true velocity adds to it."""
+    q = parameters[Unknown.ANGLE]
+    push = velocity_m_s[0, 0] * np.cos(q) + velocity_m_s[0, 1] * np.sin(q)
+    return q, parameters[Unknown.RATE] + push / length_m(parameters)
+
+
+def predict_angle(record: Record, parameters: FloatArray) -> FloatArray:
+    """Return the pendulum's angle at the record's samples, shape (n, m), of parameters of shape (15, m)."""
+    return at_samples(record, *simulate(record, parameters))
+
+
+def simulate(record: Record, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return q and q' at the record's nodes, shape (k, m), of parameters of shape (15, m)."""
+    velocity = pivot_velocity(record, parameters)
+    q, p = start_of(parameters, velocity)
+    return simulate_sway(
+        ensemble_of(parameters),
         record.nodes_s,
-        true_velocity,
-        angle_rad=angle,
-        momentum_rad_s=p[Unknown.RATE] + push,
+        velocity,
+        angle_rad=q,
+        momentum_rad_s=p,
         stiction_rate_rad_s=SMOOTH_RATE_RAD_S,
     )
+
+
+def at_samples(record: Record, angle_rad: FloatArray, rate_rad_s: FloatArray) -> FloatArray:
+    """Return the cubic of q and q' between the nodes, at the samples: shape (k, m) to (n, m)."""
     step = record.nodes_s[1] - record.nodes_s[0]
     place = np.clip((record.time_s - record.nodes_s[0]) / step, 0.0, len(record.nodes_s) - 1)
     k = np.minimum(place.astype(int), len(record.nodes_s) - 2)
-    s = (place - k)[:, None]
+    s, q, rate = (place - k)[:, None], angle_rad, rate_rad_s
     start, end = (1 + 2 * s) * q[k] + s * step * rate[k], (3 - 2 * s) * q[k + 1] - (1 - s) * step * rate[k + 1]
     return np.asarray((1 - s) ** 2 * start + s**2 * end)
 
 
-def predict(record: Record, parameters: FloatArray, velocity_m_s: FloatArray | None = None) -> FloatArray:
-    """Return what the camera sees: x and z of the sway and the tag's angle, shape (3, n, m).
+def predict(record: Record, parameters: FloatArray) -> FloatArray:
+    """Return what the camera sees of parameters of shape (15, m): `see` of `predict_angle`."""
+    return see(record, parameters, predict_angle(record, parameters))
+
+
+def see(record: Record, parameters: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """Return what the camera sees of a pendulum's angle.
 
     Parameters
     ----------
     record : Record
-        The samples and the pivot's motion.
+        The samples.
     parameters : ndarray, shape (15, m)
         One set a column.
-    velocity_m_s : ndarray, shape (2 k - 1, 2, m), optional
-        Another velocity of the TCP than the record's.
+    angle_rad : ndarray, shape (n, m)
+        q at the samples.
 
     Returns
     -------
@@ -152,14 +170,13 @@ def predict(record: Record, parameters: FloatArray, velocity_m_s: FloatArray | N
     PCP minus TCP is offset + (1 + s + e/2) a + e P, z stretched by the vertical scale.
     """
     p = parameters
-    q = predict_angle(record, p, record.velocity_m_s if velocity_m_s is None else velocity_m_s)
-    seen = q + p[Unknown.TILT]
+    seen = angle_rad + p[Unknown.TILT]
     arm = (1 + p[Unknown.SCALE] + p[Unknown.RELATIVE_SCALE] / 2) * tag_radius_m(p)
     drift = record.tool_m[:, :, None] * p[Unknown.RELATIVE_SCALE]
     offset_x, offset_z = _turned_offset(p, record.tool_turn_rad)
     x = offset_x + arm * np.sin(seen) + drift[:, 0]
     z = offset_z - (1 + p[Unknown.VERTICAL_SCALE]) * arm * np.cos(seen) + drift[:, 1]
-    return np.stack([x, z, q + p[Unknown.TAG_ANGLE]])
+    return np.stack([x, z, angle_rad + p[Unknown.TAG_ANGLE]])
 
 
 def _turned_offset(parameters: FloatArray, turn_rad: FloatArray) -> tuple[FloatArray, FloatArray]:

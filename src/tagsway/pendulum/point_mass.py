@@ -72,7 +72,7 @@ def fit_positions(
 def _misses(record: Record, columns: FloatArray) -> FloatArray:
     """Return the distances between measured and simulated sway, each laid on by its mean; shape (n, m)."""
     with np.errstate(all="ignore"):
-        angle = predict_angle(record, columns, record.velocity_m_s)
+        angle = predict_angle(record, columns)
     radius = np.exp(columns[Unknown.LOG_RADIUS])
     seen = np.all(np.isfinite(record.sway_m), axis=1)
     gap = record.sway_m[seen].T[:, :, None] - np.stack([radius * np.sin(angle[seen]), -radius * np.cos(angle[seen])])

@@ -22,8 +22,9 @@ REACH_STD = 3.5
 LONGEST_REACH = 0.7
 """In ln l: a factor of two, beyond which no interval is told."""
 
-CHORDS = 3
-"""Steps with one set of slopes: each leaves about as much of the way as the slopes change along it."""
+CHORDS, LEAST_GAIN = 3, 0.01
+"""Steps with one set of slopes, each of which leaves about as much of the way as the slopes change along it; the last
+one gains less than this in χ²."""
 
 NARROW_REACH = 0.05
 """Up to which the slopes at the best fit serve for all lengths."""
@@ -71,17 +72,15 @@ class Ridge:
         along[Unknown.LOG_LENGTH] = 1.0
         parameters = solution.parameters[:, None] + along[:, None] * shift
         rows = len(problem.rows)
-        weight = np.ones(len(problem.residual(solution.parameters[problem.free])))
+        best, slopes = problem.linearise(solution.parameters)
+        weight = np.ones(len(best))
         weight[:-rows] = 1 / math.sqrt(solution.excess)
 
         left = problem.residuals(parameters)
-        if reach > NARROW_REACH:
-            slopes = problem.linearise(parameters)[1]
-        else:
-            slopes = problem.jacobian(solution.parameters[problem.free])[:, :, None]
         others = problem.free != Unknown.LOG_LENGTH
+        every = [problem.linearise(p)[1] for p in parameters.T] if reach > NARROW_REACH else [slopes]
         best, cost = parameters, _cost(left, weight)
-        steps = [np.linalg.pinv(np.nan_to_num(weight[:, None] * slopes[:, others, i])) for i in range(slopes.shape[2])]
+        steps = [np.linalg.pinv(np.nan_to_num(weight[:, None] * one[:, others])) for one in every]
         for _ in range(CHORDS):
             parameters = parameters.copy()
             for i in range(POINTS):
@@ -90,7 +89,10 @@ class Ridge:
             left = problem.residuals(parameters)
             now = _cost(left, weight)
             better = now < cost
-            best, cost = np.where(better, parameters, best), np.minimum(now, cost)
+            best, gained = np.where(better, parameters, best), np.max(cost - now)
+            cost = np.minimum(now, cost)
+            if not gained > LEAST_GAIN:
+                break
         return cls(solution=solution, parameters=best, delta_chi2=cost - np.min(cost))
 
     def curve(self) -> RidgeCurve:

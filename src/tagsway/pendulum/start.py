@@ -28,7 +28,12 @@ def find_arc(record: Record, fallback_radius_m: float) -> Arc:
         Radius to start from where the payload swings too little to show one: the error is then infinite.
     """
     arc = fit_arc(
-        record.sway_m, record.sway_std_m, record.angle_rad, record.angle_std_rad, tool_turn_rad=record.tool_turn_rad
+        record.sway_m,
+        record.sway_std_m,
+        record.angle_rad,
+        record.angle_std_rad,
+        tool_turn_rad=record.tool_turn_rad,
+        tool_m=record.tool_m,
     )
     if arc.radius_std_m <= 0.2 * arc.radius_m and arc.radius_m < 20 * fallback_radius_m:
         return arc
@@ -77,7 +82,7 @@ def find_starts(record: Record, arc: Arc, modal: ModalEstimate) -> list[FloatArr
     candidates[Unknown.LOG_LENGTH] = np.log(length)
     candidates[Unknown.DRAG] = drag
     with np.errstate(all="ignore"):
-        angle = predict_angle(record, candidates, record.velocity_m_s)
+        angle = predict_angle(record, candidates)
     radius, centre, cost = _lay_on(record.sway_m, angle)
     candidates[Unknown.LOG_RADIUS] = np.where(
         np.abs(radius / arc.radius_m - 1) < 0.3, np.log(np.maximum(radius, 1e-6)), np.log(arc.radius_m)

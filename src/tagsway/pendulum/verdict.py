@@ -30,9 +30,9 @@ LARGEST_NOISE_M = 1.2e-4
 """Noise of one tag: a claim holds to 0.1 mm, and the noise itself is known to a tenth or two."""
 
 LARGEST_EXCESS = 2.0
-"""Mean square of the whitened residuals; beyond, the model misses something, and k takes it up.
+"""Mean square of the whitened residuals, what is not modelled among the errors; beyond, even that does not hold it.
 
-A right model leaves 0.3 to 1; a spring that stiffens by 20 %/rad² leaves 2 where it moves k by a fifth.
+A right model leaves 0.3 to 1. Of one pendulum alone, before anything else is allowed for, it is worth a notice.
 """
 
 MOST_LEFT_OUT = 0.1
@@ -171,6 +171,14 @@ def describe(verdict: Verdict, estimate: PendulumEstimate, solution: Solution) -
         )
     elif verdict.kind == "indicative":
         notices.append(Notice(code="pendulum_indicative", message=verdict.reason))
+    if verdict.kind != "refuse" and solution.alone > LARGEST_EXCESS:
+        notices.append(
+            Notice(
+                code="pendulum_unmodelled",
+                message=f"one pendulum leaves {math.sqrt(solution.alone):.1f} times what noise explains: a second "
+                "body, a spring that stiffens, a slip or a sway towards the camera takes part; the errors hold it",
+            )
+        )
     if estimate.point_mass is False and estimate.stiffness_n_m_per_rad is not None:
         notices.append(
             Notice(

@@ -15,6 +15,7 @@ from tagsway.model import (
     PendulumCurve,
     ResidualCurve,
     Result,
+    RidgeCurve,
     Shaper,
     TrackCurve,
     TrajectoryCurve,
@@ -28,6 +29,7 @@ from tagsway.report.modal_charts import (
     chart_spectrum,
 )
 from tagsway.report.style import (
+    LIKELY_COST,
     LengthUnit,
     drawn_acceleration,
     drawn_length,
@@ -79,6 +81,8 @@ def make_charts(result: Result, curves: Curves) -> dict[str, Chart]:
         charts["excitation"] = chart_excitation(curves.excitation, unit, shaped_frequency(result))
     if curves.pendulum is not None:
         charts["pendulum"] = _pendulum(curves.pendulum, unit)
+    if curves.ridge is not None:
+        charts["ridge"] = _ridge(curves.ridge, None if result.pendulum is None else result.pendulum.length_m)
     if curves.residual is not None:
         charts["residual"] = _residual(curves.residual, shaped_frequency(result), result.shaper)
     if curves.trajectory is not None:
@@ -148,6 +152,20 @@ def _pendulum(curve: PendulumCurve, unit: LengthUnit) -> Chart:
     ]
     panels.append(Panel(title=f"difference<br>({name})", traces=traces, shown=shown_range([], difference)))
     return stack_panels(panels, x="time", x_unit="s")
+
+
+def _ridge(curve: RidgeCurve, length_m: Estimate | None) -> Chart:
+    length, cost = 1e3 * curve.length_m, curve.delta_chi2
+    ends = length[[0, -1]] if len(length) else length
+    spring = make_trace(length, curve.stiffness_over_inertia_rad2_s2, "best k/J of each l", "@ink", unit="rad²/s²")
+    chi2 = make_trace(length, cost, "what it costs, Δχ²", "@orange", width=2)
+    likely = make_trace(ends, np.full(len(ends), LIKELY_COST), "95 %", "@grey", dash="dot")
+    panels = [Panel(title="k/J<br>(rad²/s²)", traces=[spring]), Panel(title="Δχ²", traces=[chi2, likely])]
+    chart = stack_panels(panels, x="length l", x_unit="mm")
+    if length_m is not None:
+        low, high = length_m.ci95
+        chart["layout"]["shapes"].append(make_band(1e3 * low, 1e3 * high, "@window"))
+    return chart
 
 
 def _residual(curve: ResidualCurve, frequency_hz: Estimate | None, shaper: Shaper | None) -> Chart:

@@ -30,6 +30,7 @@ from tagsway.model import (
 )
 from tagsway.report.modal_figures import plot_backbone, plot_estimators, plot_excitation
 from tagsway.report.panels import draw_line, frame_panel, make_panels, mark_frequency, name_panel
+from tagsway.report.pendulum_figures import plot_ridge
 from tagsway.report.style import (
     BLUE,
     GREEN,
@@ -288,6 +289,7 @@ FIGURES = (
     "backbone",
     "excitation",
     "pendulum",
+    "ridge",
     "residual",
     "trajectory",
 )
@@ -322,7 +324,7 @@ def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, .
 def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
     unit = length_unit(result)
     decay, spectrum, pendulum = curves.decay, curves.spectrum, curves.pendulum
-    residual, trajectory = curves.residual, curves.trajectory
+    ridge, residual, trajectory = curves.ridge, curves.residual, curves.trajectory
     modal, backbone, excitation = result.modal, curves.backbone, curves.excitation
     natural = None if modal is None else modal.natural_frequency_hz
     shaped, shaper = shaped_frequency(result), result.shaper
@@ -343,6 +345,9 @@ def _plots(result: Result, curves: Curves) -> dict[str, Callable[[], Figure]]:
         )
     if pendulum is not None:
         plots["pendulum"] = lambda: plot_pendulum(pendulum, unit=unit)
+    if ridge is not None:
+        length = None if result.pendulum is None else result.pendulum.length_m
+        plots["ridge"] = lambda: plot_ridge(ridge, length_m=length)
     if residual is not None:
         plots["residual"] = lambda: plot_residual(residual, frequency_hz=shaped, shaper=shaper)
     if trajectory is not None:

@@ -15,6 +15,9 @@ LOWEST_SHARE = 3e-4
 
 LengthUnit = Literal["m", "px", "m/s2", "rad"]
 
+LIKELY_COST = 3.84
+"""Δχ² within which 95 of 100 true values lie."""
+
 SENSOR_RECORDS: dict[str, LengthUnit] = {"acceleration_record": "m/s2", "angle_record": "rad"}
 """Warnings of records that hold no positions, and the unit of what they hold."""
 

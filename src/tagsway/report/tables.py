@@ -4,7 +4,7 @@ import math
 from dataclasses import fields
 from typing import NamedTuple
 
-from tagsway.model import Estimate, Indicators, PendulumEstimate, Result, Settings, Shaper, TagSummary, Window
+from tagsway.model import Estimate, Indicators, PendulumEstimate, Prior, Result, Settings, Shaper, TagSummary, Window
 from tagsway.report.estimators import BOUND, estimator_lines
 from tagsway.report.words import (
     NOT_DETERMINED,
@@ -22,6 +22,18 @@ TIME_SOURCES = {
     "container": "the file's own time stamps",
     "option": "the file's time stamps, scaled to --fps",
     "metadata": "the capture rate in the file's metadata",
+}
+
+
+PRIORS = {
+    "scale": "scale of both tags",
+    "relative_scale": "scale of one tag against the other",
+    "vertical_scale": "stretch along z",
+    "gravity_tilt": "gravity's direction",
+    "quadratic_drag": "drag d",
+    "dry_friction": "dry friction",
+    "length_over_radius": "stated l/r",
+    "length": "stated l",
 }
 
 
@@ -123,7 +135,38 @@ def pendulum_rows(pendulum: PendulumEstimate) -> list[Row]:
     if pendulum.rms_residual_m is not None:
         most = "" if pendulum.max_residual_m is None else f", at most {1e3 * pendulum.max_residual_m:.3g} mm"
         rows.append(Row("position error", f"{1e3 * pendulum.rms_residual_m:.3g} mm RMS{most}", "measured − simulated"))
+    return [*rows, *_rival_rows(pendulum), *_prior_rows(pendulum.priors)]
+
+
+def _rival_rows(pendulum: PendulumEstimate) -> list[Row]:
+    """Return what other ways of estimating find: the nearest positions of a point mass, and two masses."""
+    rows = []
+    if (other := pendulum.comparison) is not None:
+        text = f"l = {1e3 * other.length_m:.4g} mm, k/J = {other.stiffness_over_inertia_rad2_s2:.4g} rad²/s²"
+        remark = f"f_n and ζ of the decay, r = l, the nearest positions: {1e3 * other.rms_residual_m:.3g} mm RMS"
+        rows.append(Row("by positions alone", text, remark))
+    if (both := pendulum.two_masses) is not None:
+        text = f"l = {format_estimate(both.length_m, 'mm', scale=1e3)}"
+        text += f", k = {format_estimate(both.stiffness_n_m_per_rad, 'N·m/rad')}"
+        remark = f"with {1e3 * both.mass_kg:.4g} g in {both.file}; 0.5 mm between the arms moves k by "
+        rows.append(Row("by two masses", text, remark + format_percent(both.stiffness_shift_percent / 100)))
     return rows
+
+
+def _prior_rows(priors: tuple[Prior, ...]) -> list[Row]:
+    """Return what was assumed before the data; widths are one standard deviation."""
+    words = []
+    for prior in priors:
+        name = PRIORS.get(prior.name, prior.name)
+        if prior.unit == "1":
+            percent = f"± {100 * prior.std:.2g} %"
+            words.append(f"{name} {percent}" if prior.value == 0 else f"{name} = {prior.value:g} {percent}")
+        else:
+            value = f"= {prior.value:.4g} " if prior.value else ""
+            words.append(f"{name} {value}± {prior.std:.2g} {prior.unit}")
+    return [
+        Row("assumed", "; ".join(words), "before the data, one standard deviation; it is part of the errors")
+    ] * bool(words)
 
 
 def estimator_rows(result: Result) -> list[tuple[str, str, str, str]]:
