@@ -18,6 +18,9 @@ DRAG_STD_PER_RAD = 0.05
 DEAD_BAND_STD_RAD = 0.002
 """Dry friction over the stiffness: a payload comes to rest within a tenth of a degree of where it hangs."""
 
+FRICTION_ODDS = 0.05
+"""Of dry friction, beforehand: air is everywhere, but a payload on a sucker or a rope has seldom anything that rubs."""
+
 COVERED = 0.95
 """Of what is likely, in an interval."""
 
@@ -98,8 +101,9 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
     A decay of a few periods looks the same with a little more drag and a little less viscous damping, or with drag and
     friction whose parts of the damping fall and rise with the amplitude. Fitted without them, ζ for a small swing
     is off by many times its error; fitted with them, ζ is needlessly unsure of a payload that has none. So each set of
-    losses V that are not fitted, the empty one too, is held to be as likely beforehand, each loss half-normal of width
-    s, and weighed by what the data say [1]_: with û and its precision P where all are free,
+    losses V that are not fitted, the empty one too, is held to be as likely beforehand (friction by its odds),
+    each loss half-normal of width s, and weighed by what the data say [1]_: with û and its precision P where all are
+    free,
 
         Z_V / Z_0 = |1 + S P_VV|^-1/2 exp(½ bᵀ (P_VV + S⁻¹)⁻¹ b) ∏ 2 Φ(m_i / σ_i),      b = P_V û
 
@@ -126,7 +130,8 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
     }
     std = np.array([width[place] for place in absent])
-    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std))
+    odds = np.array([FRICTION_ODDS if place == FRICTION else 1.0 for place in absent])
+    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std), odds)
     weight = float(np.sum(weights))
     mean = weights @ means / weight
     away = means - mean
@@ -173,7 +178,9 @@ def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softeni
     return replace(judged, parameters=p)
 
 
-def _weigh_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _weigh_sets(
+    value: FloatArray, covariance: FloatArray, odds: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return weight, mean and covariance of each set of losses but the empty one, whose weight is the rest.
 
     Parameters
@@ -182,6 +189,8 @@ def _weigh_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray, 
         Of the losses, where all are free, over the widths of their priors.
     covariance : ndarray, shape (k, k)
         Of these.
+    odds : ndarray, shape (k,)
+        Of each loss, beforehand.
     """
     precision = np.linalg.pinv(covariance, hermitian=True)
     pull, size = precision @ value, len(value)
@@ -193,8 +202,8 @@ def _weigh_sets(value: FloatArray, covariance: FloatArray) -> tuple[FloatArray, 
         mean[chosen], spread[block] = left @ pull[chosen], left
         fits = 0.5 * float(pull[chosen] @ mean[chosen] + np.linalg.slogdet(left)[1])
         signs = float(np.sum(np.log(2) + log_ndtr(mean[chosen] / np.sqrt(np.diag(left)))))
-        log_odds.append(min(fits + signs, MOST_EVIDENCE))
+        log_odds.append(min(fits + signs + float(np.sum(np.log(odds[chosen]))), MOST_EVIDENCE))
         means.append(mean)
         spreads.append(spread)
-    odds = np.exp(log_odds)
-    return odds / (1 + np.sum(odds)), np.array(means), np.array(spreads)
+    posterior = np.exp(log_odds)
+    return posterior / (1 + np.sum(posterior)), np.array(means), np.array(spreads)
