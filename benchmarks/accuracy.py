@@ -17,9 +17,10 @@ import cv2
 import numpy as np
 
 from tagsway.model import FloatArray, GreyArray
-from tagsway.tags.align import Aligner, find_homography
+from tagsway.tags.align import Aligner
 from tagsway.tags.find import find_tags
 from tagsway.tags.follow import follow_tags
+from tagsway.tags.pose import find_homography
 from tagsway.video.reading import read_clock, read_frames
 from tagsway.video.writing import Codec, write_video
 

@@ -5,7 +5,8 @@ import pytest
 
 from tag_images import bound_centre, make_pose, photograph, see_tag
 from tagsway.model import Sighting
-from tagsway.tags.align import CORNERS, Aligner, find_homography, measure_scale, project
+from tagsway.tags.align import Aligner
+from tagsway.tags.pose import CORNERS, find_homography, measure_scale, project
 
 SHAPE = (130, 140)
 

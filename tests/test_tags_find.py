@@ -8,10 +8,10 @@ import pytest
 from tag_images import make_pose, photograph, see_tag
 from tagsway.errors import InputError
 from tagsway.tags import find
-from tagsway.tags.align import CORNERS, project
 from tagsway.tags.families import FAMILIES
 from tagsway.tags.find import TagFinder, find_tags, find_tags_near
 from tagsway.tags.others import find_other_tags, list_tags
+from tagsway.tags.pose import CORNERS, project
 from tagsway.video.writing import write_video
 
 NEAR = 0.2  # px; the detector's own error is 0.03 to 0.1

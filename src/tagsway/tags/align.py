@@ -2,18 +2,15 @@
 
 import math
 
-import cv2
 import numpy as np
 
 from tagsway.model import FloatArray, GreyArray, Sighting
 from tagsway.tags.grid import LEAST_CONTRAST, LEAST_CORRELATION, Grid, align_grid, make_grid, shows_pattern
-from tagsway.tags.pose import local_jacobian
+from tagsway.tags.pose import lies_in, local_jacobian, measure_scale
 from tagsway.tags.quick import Known, Lattice, Lattices, refine_quickly
 from tagsway.tags.refine import Refinement, refine
 from tagsway.tags.scatter import Scatter
 from tagsway.tags.template import Template, make_template
-
-CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 _SURE_CORRELATION = 0.93  # no other id and no covered cells reach it: the cells need not be looked at apart
 _MOST_STEPS = 6
@@ -30,6 +27,9 @@ _SHUTTER_LESSONS = 4
 _RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
+_FITTING_CORRELATION = (
+    0.97  # a pattern that is less like the image, in its sharpness perhaps, has steps of other lengths
+)
 _GRAIN_PX = 0.0025  # what samples are wrong by is less than half of such an error
 _BLOCKS_EVERY = 8  # frames, after that
 _ODD_VARIANCE = 1.5  # times the usual, or so much more as a codec's own ups and downs do not explain
@@ -78,6 +78,7 @@ class Aligner:
         self._variance = self._spread = 0.0
         self._measured = 0
         self._variance_px2 = 0.0
+        self._fits = False
 
     def align(
         self, grey: GreyArray, homography: FloatArray, *, travel_px: tuple[float, float] | None = None
@@ -99,7 +100,7 @@ class Aligner:
             None where the pattern is not there.
         """
         scale_px = measure_scale(homography) if homography[2, 2] != 0 else math.nan
-        if not _SMALLEST_SIDE_PX <= 2 * scale_px <= 2 * max(grey.shape) or not _lies_in(grey, homography):
+        if not _SMALLEST_SIDE_PX <= 2 * scale_px <= 2 * max(grey.shape) or not lies_in(grey, homography):
             return None
         self._learn(grey, homography, scale_px, travel_px)
         if self._template is None:
@@ -135,15 +136,16 @@ class Aligner:
         """Return the pose after one step: on the pixels now and then, else on samples, which is quicker."""
         asks_pixels = self._wants_blocks()
         error_px2 = max(self._variance_px2, self._shifts_px2)
-        samples_do = self._measured >= _MEMORY and error_px2 > _GRAIN_PX**2
+        samples_do = self._measured >= _MEMORY and error_px2 > _GRAIN_PX**2 and self._fits
         lattice = self._find_lattice(homography, template, motion_px) if samples_do else None
         if lattice is not None and self._known is not None and not asks_pixels:
             refined = refine_quickly(grey, homography, template, lattice, self._known)
             if refined is not None:
                 return refined
         refined = refine(grey, homography, template, motion_px=motion_px, with_blocks=asks_pixels)
-        if refined is not None and lattice is not None:
-            self._known = Known.learn(grey, refined, template, lattice)
+        if refined is not None:
+            self._fits = refined.correlation > _FITTING_CORRELATION
+            self._known = None if lattice is None else Known.learn(grey, refined, template, lattice)
         return refined
 
     def _find_lattice(
@@ -303,74 +305,6 @@ class Aligner:
 def _measure_angle(homography: FloatArray) -> float:
     (right, _), (down, _) = local_jacobian(homography)
     return math.atan2(-down, right)
-
-
-def project(homography: FloatArray, points: FloatArray) -> FloatArray:
-    """Return where a homography takes points.
-
-    Parameters
-    ----------
-    homography : ndarray, shape (3, 3)
-        From the tag's frame to pixels.
-    points : ndarray, shape (n, 2)
-        In the tag's frame.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        Pixels.
-    """
-    image = points @ homography[:, :2].T + homography[:, 2]
-    pixels: FloatArray = image[:, :2] / image[:, 2:]
-    return pixels
-
-
-def find_homography(corners_px: FloatArray) -> FloatArray:
-    """Return the homography that takes the tag's frame to four corners.
-
-    Parameters
-    ----------
-    corners_px : ndarray, shape (4, 2)
-        Corners of the border square, in the order of `model.tags`.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        Its last element is 1.
-    """
-    found = cv2.getPerspectiveTransform(CORNERS.astype(np.float32), corners_px.astype(np.float32))
-    return np.asarray(found, dtype=float)
-
-
-def measure_scale(homography: FloatArray) -> float:
-    """Return the pixels to a unit of the tag's frame, half a side; NaN where the tag is seen from behind.
-
-    Parameters
-    ----------
-    homography : ndarray, shape (3, 3)
-        From the tag's frame to pixels.
-
-    Returns
-    -------
-    float
-        Root of the area that a unit square at the centre takes.
-    """
-    (a, b), (c, d) = local_jacobian(homography)
-    area = b * c - a * d  # y is up in the tag's frame and down in the image
-    return math.sqrt(area) if area > 0 else math.nan
-
-
-def _lies_in(grey: GreyArray, homography: FloatArray) -> bool:
-    height, width = grey.shape
-    (a, b, x), (c, d, y), (g, h, w) = homography.tolist()
-    for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-        depth = g * u + h * v + w
-        if not depth * w > 0:
-            return False
-        right, down = (a * u + b * v + x) / depth, (c * u + d * v + y) / depth
-        if not (-0.5 <= right <= width - 0.5 and -0.5 <= down <= height - 0.5):
-            return False
-    return True
 
 
 def _scale(travel_px: tuple[float, float] | None, share: float) -> tuple[float, float]:

@@ -21,7 +21,7 @@ _MOST_SAMPLES = 150  # to a side; beyond, the pixels themselves are as quick
 _BILINEAR = 1 / 6  # px², variance of the triangle that interpolates between pixels, along each axis
 _SHARPEST = 0.4  # of the optics' variance, that taking the triangle away may leave
 _STREAKS_PER_PX = 3  # a sixth of a pixel more or less of motion leaves 10 % of the noise's variance
-_MOST_STREAKS = 48
+_MOST_STREAKS, _MOST_MET = 48, 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +116,7 @@ class Lattices:
         self.template = template
         self._drawn = _draw(family, tag_id, template)
         self._made: dict[tuple[int, int], Lattice | None] = {}
+        self._count = 0
 
     def find(self, homography: FloatArray, motion_px: tuple[float, float]) -> Lattice | None:
         """Return the lattice for a motion; None for one that is met the first time, and where there are too many."""
@@ -126,10 +127,13 @@ class Lattices:
         x, y = round(_STREAKS_PER_PX * along), round(_STREAKS_PER_PX * across)
         motion = (-x, -y) if (x, y) < (0, 0) else (x, y)
         if motion not in self._made:
+            if len(self._made) >= _MOST_MET:
+                return None
             self._made[motion] = None
-        elif self._made[motion] is None and len(self._made) < _MOST_STREAKS:
+        elif self._made[motion] is None and self._count < _MOST_STREAKS and self._drawn is not None:
             streak = motion[0] / _STREAKS_PER_PX, motion[1] / _STREAKS_PER_PX
-            self._made[motion] = None if self._drawn is None else make_lattice(self._drawn, self.template, streak)
+            self._made[motion] = make_lattice(self._drawn, self.template, streak)
+            self._count += 1
         return self._made[motion]
 
 
