@@ -63,7 +63,7 @@ def follow_tags(frames: Iterable[Frame], *, family: str, tag_ids: Sequence[int])
     Returns
     -------
     TagTracks
-        NaN where a tag was not seen whole: nothing is interpolated. 112 bytes a frame and tag.
+        NaN where a tag was not seen whole: nothing is interpolated. 136 bytes a frame and tag.
 
     Notes
     -----
