@@ -7,7 +7,6 @@ import numpy as np
 from tagsway.model import FloatArray, GreyArray, Sighting
 from tagsway.tags.grid import LEAST_CONTRAST, LEAST_CORRELATION, Grid, align_grid, make_grid, shows_pattern
 from tagsway.tags.pose import lies_in, local_jacobian, measure_scale
-from tagsway.tags.quick import Known, Lattice, Lattices, refine_quickly
 from tagsway.tags.refine import Refinement, refine
 from tagsway.tags.scatter import Scatter
 from tagsway.tags.template import Template, make_template
@@ -27,10 +26,6 @@ _SHUTTER_LESSONS = 4
 _RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
-_FITTING_CORRELATION = (
-    0.97  # a pattern that is less like the image, in its sharpness perhaps, has steps of other lengths
-)
-_GRAIN_PX = 0.0025  # what samples are wrong by is less than half of such an error
 _BLOCKS_EVERY = 8  # frames, after that
 _ODD_VARIANCE = 1.5  # times the usual, or so much more as a codec's own ups and downs do not explain
 _ODD_SPREADS = 4.0
@@ -52,8 +47,7 @@ class Aligner:
     -----
     Gauss-Newton steps on the image's own pixels (`refine`) take a good prediction to the noise: one is enough from a
     quarter of a pixel, and no pixel is resampled there, so no grid beats with another, and the noise stays white.
-    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_. Once the noise is known,
-    most frames of a tag of middling size are refined on samples (`quick`), and every eighth on its pixels.
+    From farther off, inverse-compositional steps on a grid of the pattern come first [1]_.
 
     Not for tags under about 12 px, nor where what is printed is not the family's own pattern.
 
@@ -67,8 +61,6 @@ class Aligner:
         self._tag_id = tag_id
         self._template: Template | None = None
         self._grids: dict[float, Grid] = {}
-        self._lattices: Lattices | None = None
-        self._known: Known | None = None
         self._blurred_by_px = math.inf
         self._shutter = 0.0
         self._lessons = 0
@@ -77,8 +69,6 @@ class Aligner:
         self._shifts_px2 = 0.0
         self._variance = self._spread = 0.0
         self._measured = 0
-        self._variance_px2 = 0.0
-        self._fits = False
 
     def align(
         self, grey: GreyArray, homography: FloatArray, *, travel_px: tuple[float, float] | None = None
@@ -122,39 +112,13 @@ class Aligner:
         """Return the pose that refining ends at; None where that is not the pattern, or too far off."""
         here = homography
         for _ in range(_MOST_STEPS):
-            refined = self._refine(grey, here, template, motion_px)
+            refined = refine(grey, here, template, motion_px=motion_px, with_blocks=self._wants_blocks())
             if refined is None or not refined.gain > LEAST_CONTRAST:
                 return None
             here = refined.homography
             if self._is_last(refined):
                 return refined if self._is_pattern(grey, refined) else None
         return None
-
-    def _refine(
-        self, grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]
-    ) -> Refinement | None:
-        """Return the pose after one step: on the pixels now and then, else on samples, which is quicker."""
-        asks_pixels = self._wants_blocks()
-        error_px2 = max(self._variance_px2, self._shifts_px2)
-        samples_do = self._measured >= _MEMORY and error_px2 > _GRAIN_PX**2 and self._fits
-        lattice = self._find_lattice(homography, template, motion_px) if samples_do else None
-        if lattice is not None and self._known is not None and not asks_pixels:
-            refined = refine_quickly(grey, homography, template, lattice, self._known)
-            if refined is not None:
-                return refined
-        refined = refine(grey, homography, template, motion_px=motion_px, with_blocks=asks_pixels)
-        if refined is not None:
-            self._fits = refined.correlation > _FITTING_CORRELATION
-            self._known = None if lattice is None else Known.learn(grey, refined, template, lattice)
-        return refined
-
-    def _find_lattice(
-        self, homography: FloatArray, template: Template, motion_px: tuple[float, float]
-    ) -> Lattice | None:
-        if self._lattices is None or self._lattices.template is not template:
-            self._lattices = Lattices(self._family, self._tag_id, template)
-            self._known = None
-        return self._lattices.find(homography, motion_px)
 
     def _is_last(self, refined: Refinement) -> bool:
         """Tell whether a step was so short that another one would change less than the error."""
@@ -289,7 +253,6 @@ class Aligner:
         more = refined.variance - self._variance
         self._variance += more * weight
         self._spread += (abs(more) - self._spread) * weight
-        self._variance_px2 += (refined.plain[0] - self._variance_px2) * weight
         log_factor = self._log_ratio
         if refined.sandwich is not None:
             pairs = zip(refined.sandwich.tolist(), refined.plain[:3], strict=True)

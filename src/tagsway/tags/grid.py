@@ -136,7 +136,7 @@ def align_grid(grey: GreyArray, homography: FloatArray, grid: Grid) -> FloatArra
         longest_px = float(np.abs(step).max()) * grid.scale_px
         if not longest_px < 0.5 * grid.scale_px:
             return None
-        here = compose(here, step)
+        here = _compose(here, step)
         if longest_px < _LAST_STEP_PX:
             return here if _is_pattern(patch, solution, grid) else None
     return None
@@ -180,21 +180,8 @@ def _sample(crop: Float32Array, enter: FloatArray, homography: FloatArray, grid:
     return np.asarray(patch, dtype=np.float32).reshape(-1) * grid.used
 
 
-def compose(homography: FloatArray, step: FloatArray) -> FloatArray:
-    """Return the homography after the inverse of a step, to third order in it.
-
-    Parameters
-    ----------
-    homography : ndarray, shape (3, 3)
-        Before.
-    step : ndarray, shape (8,)
-        Of the tag's own frame: what is added to the elements of the unit matrix, row by row.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        After.
-    """
+def _compose(homography: FloatArray, step: FloatArray) -> FloatArray:
+    """Return the homography after the inverse of a step, to third order in it."""
     move = np.array([[step[0], step[1], step[2]], [step[3], step[4], step[5]], [step[6], step[7], 0.0]])
     back = homography @ move
     composed: FloatArray = homography - back + back @ move

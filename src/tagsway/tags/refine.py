@@ -13,12 +13,12 @@ from tagsway.tags.template import PARAMETERS, Float32Array, Template
 
 _GAIN, _OFFSET, _STEP = 2, 3, [0, 1, 4, 5, 6, 7, 8, 9]  # places in the solution
 
-ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
+_ROUNDING = 1 / 12  # variance of the rounding to grey levels: no image is better
 _BLOCKS = 10  # to a side
-SHORTEST_MOTION_PX = 0.5  # a shorter one blurs by less than a seventh of a pixel
-KNOWN_WEIGHT = 0.999  # a pixel that a streak brings less of the pattern to is not known
-LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
-MIDDLE_GREY = 128  # taken off, so that sums of squares keep their digits
+_SHORTEST_MOTION_PX = 0.5  # a shorter one blurs by less than a seventh of a pixel
+_KNOWN_WEIGHT = 0.999  # a pixel that a streak brings less of the pattern to is not known
+_LONGEST_STEP = 0.1  # of the tag's half side; a longer one was no refinement
+_MIDDLE_GREY = 128  # taken off, so that sums of squares keep their digits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ def refine(
     The columns of J are the pattern's derivatives times powers of x and y, so all of JᵀJ and JᵀI are moments of nine
     products of images, over x, then over y: no column is ever formed.
     """
-    still = math.hypot(*motion_px) < SHORTEST_MOTION_PX
+    still = math.hypot(*motion_px) < _SHORTEST_MOTION_PX
     region = find_region(grey.shape, homography, template.half_width if still else template.texture_half_width)
     if region is None:
         return None
@@ -99,7 +99,7 @@ def refine(
     h = homography / homography[2, 2]
     local = local_jacobian(h)
     planes = _see(h, template, region, local, None if still else motion_px)
-    np.subtract(grey[top : top + height, left : left + width], np.float32(MIDDLE_GREY), out=planes[4])
+    np.subtract(grey[top : top + height, left : left + width], np.float32(_MIDDLE_GREY), out=planes[4])
     planes[4] *= planes[3]
     powers = _raise(region, h, scale)
     products = _multiply(planes, *powers)
@@ -118,9 +118,9 @@ def refine(
     longest = max(map(abs, step))
     (xx, xy), (_, yy) = inverse[:2, :2].tolist()
     turning = float(turn @ inverse[4:8, 4:8] @ turn)
-    if not (min(spread, xx, yy, turning) > 0 and longest < LONGEST_STEP):
+    if not (min(spread, xx, yy, turning) > 0 and longest < _LONGEST_STEP):
         return None
-    variance = max((squares - fitted) / (count - PARAMETERS), ROUNDING)
+    variance = max((squares - fitted) / (count - PARAMETERS), _ROUNDING)
     unit = variance / gain**2
     per_px = unit * scale**2
     influence = _functionals(turn, scale) @ inverse / gain if with_blocks else None
@@ -160,7 +160,7 @@ def _see(
     planes = np.empty((5, height, width), np.float32)
     np.matmul(first, seen.reshape(-1, 4).T, out=planes[:4].reshape(4, -1))
     if motion_px is not None:
-        planes[:4] *= planes[3] > KNOWN_WEIGHT  # what the edge of the known part swept over is not known
+        planes[:4] *= planes[3] > _KNOWN_WEIGHT  # what the edge of the known part swept over is not known
     return planes
 
 
