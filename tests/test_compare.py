@@ -197,6 +197,52 @@ def test_a_reference_that_never_settles_is_the_longest_and_bounds_what_is_gained
     assert "never_settles" in {notice["code"] for notice in document["warnings"]}
 
 
+def test_what_was_watched_too_briefly_to_settle_is_not_held_to_be_the_longer(inside) -> None:
+    never = {"motion_time_s": None, "settling_time_s": None}
+    brief = [{**row, **never, "watched_s": 0.95} for row in repeats({"shaped": "no"}, 1, n=5)]
+    document = compared(
+        str(write_measured_set(inside / "m", brief + repeats({"shaped": "yes"}, 2, n=5))), "--by", "shaped"
+    )
+    for quantity in ("motion_time_s", "settling_time_s"):
+        found = difference(document, quantity, "yes")
+        assert (found["change"]["p_value"], found["change"]["median_difference"]) == (None, None)
+        assert found["significant"] is None
+    assert "watched_too_briefly" in {notice["code"] for notice in document["warnings"]}
+
+
+def test_nothing_is_called_no_slower_than_what_was_watched_too_briefly(inside) -> None:
+    never = {"motion_time_s": None, "settling_time_s": None}
+    rows = []
+    for acceleration, watched in ((2.5, 0.9), (5.0, 2.5)):
+        common = {"a": acceleration, "watched_s": watched}
+        rows += [{**row, **never} for row in repeats({**common, "shaped": "no"}, 1, n=3)]
+        rows += repeats({**common, "shaped": "yes"}, 2, n=3, overshoot_percent=-2)
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped", "--within", "a")
+    assert [exchange["reference_group"] for exchange in document["exchanges"]] == ["5"]
+
+
+def test_motion_and_settling_that_end_alike_are_one_test_and_too_few_repeats_are_told(inside, capsys) -> None:
+    never = {"motion_time_s": None, "settling_time_s": None, "shaped": "no"}
+    for n, told in ((4, "too few repeats to tell by ranks"), (6, "significant")):
+        rows = [{**row, **never} for row in repeats({}, 1, n=n)] + repeats({"shaped": "yes"}, 2, n=n)
+        assert run(["compare", str(write_measured_set(inside / "m", rows)), "--by", "shaped"]) == 0
+        (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  motion time")]
+        assert line.endswith(f": {told}")
+        document = json.loads((inside / "m-compare" / "comparison.json").read_text(encoding="utf-8"))
+        assert document["tests"] == sum(d["change"]["p_value"] is not None for d in document["differences"]) - 1
+
+
+def test_factors_may_be_called_as_our_own_columns_and_close_levels_stay_apart(inside) -> None:
+    rows = repeats({"condition": 1.2345678, "place": "a", "group": "g"}, 1, n=2)
+    rows += repeats({"condition": 1.2345679, "place": "b", "group": "h"}, 2, n=2)
+    folder = str(write_measured_set(inside / "m", rows))
+    assert compared(folder, "--by", "condition")["conditions"] == ["1.2345678", "1.2345679"]
+    assert set(pd.read_csv(inside / "out" / "comparison.csv")["condition (factor)"]) == {1.2345678, 1.2345679}
+    assert compared(folder, "--by", "place")["conditions"] == ["a", "b"]
+    assert run(["compare", folder, "--by", "place", "--within", "place"]) == 2
+    assert run(["compare", folder, "--by", "(place)"]) == 2
+
+
 def test_each_acceleration_is_compared_for_itself(inside) -> None:
     rows = []
     for number, acceleration in enumerate((2.5, 10.0, 5.0)):

@@ -14,7 +14,6 @@ from tagsway.filters import clean_track
 from tagsway.model import AlignedMove
 from tagsway.pipeline import align_result
 from tagsway.sets.batch import Begin, measure_items
-from tagsway.sets.comparison import CONDITION, PLACE
 from tagsway.sets.conditions import Sources
 from tagsway.sets.jobs import Outcome, result_path
 from tagsway.sets.ledger import open_ledger, read_kept
@@ -22,7 +21,7 @@ from tagsway.sets.measuring import row_of_result
 from tagsway.sets.moves import to_move
 from tagsway.sets.options import inside
 from tagsway.sets.output import MEASUREMENTS
-from tagsway.sets.tables import COPY, arrange_rows
+from tagsway.sets.tables import CONDITION, COPY, PLACE, arrange_rows
 from tagsway.sets.workers import Crew
 from tagsway.store.documents import read_result
 from tagsway.store.tables import read_table
@@ -44,7 +43,7 @@ class Gathered:
     Parameters
     ----------
     table : DataFrame
-        A row a measurement: those of measurements.csv, `condition` where it was named, and `place` in `moves`.
+        A row a measurement: those of measurements.csv, `CONDITION` where it was named, and `PLACE` in `moves`.
     moves : tuple of callable
         Gives the move of each measurement; None where it shows none.
     """

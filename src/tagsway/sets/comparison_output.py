@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from tagsway.criteria import SETTLED
 from tagsway.errors import InputError
@@ -12,9 +13,10 @@ from tagsway.model import Comparison, ConditionCurves
 from tagsway.report.comparison import plot_indicators, plot_moves, write_comparison_figure
 from tagsway.report.comparison_page import render_comparison
 from tagsway.sets.comparing import MoveLoader
-from tagsway.sets.comparison import CONDITION, GROUP, PLACE, QUANTITIES, Sorted, part_of, values_of
+from tagsway.sets.comparison import QUANTITIES, Sorted, part_of, values_of
 from tagsway.sets.moves import median_move
 from tagsway.sets.output import name_file
+from tagsway.sets.tables import CONDITION, GROUP, PLACE
 from tagsway.store.comparisons import comparison_document, conditions_table, differences_table
 from tagsway.store.documents import dump
 from tagsway.store.measurements import write_table
@@ -48,10 +50,7 @@ def write_comparison(
     figures = out / "figures"
     for stale in [*figures.glob("moves*.png"), figures / "indicators.png"]:
         stale.unlink(missing_ok=True)
-    leave = ["key", PLACE, *([] if comparison.within else [GROUP])]
-    table = rows.table.drop(columns=leave)
-    first = [CONDITION, *([GROUP] if comparison.within else [])]
-    write_table(out / TABLES[0], table[[*first, *(name for name in table.columns if name not in first)]])
+    write_table(out / TABLES[0], _rows_table(comparison, rows))
     write_table(out / TABLES[1], conditions_table(comparison))
     write_table(out / TABLES[2], differences_table(comparison))
     for group in comparison.groups:
@@ -73,6 +72,15 @@ def check_comparison_outputs(out: Path, inputs: Sequence[Path]) -> None:
         for path in inputs:
             if target.exists() and path.exists() and target.samefile(path):
                 raise InputError(f"--out {out} would write over the input {path}; give another folder")
+
+
+def _rows_table(comparison: Comparison, rows: Sorted) -> pd.DataFrame:
+    """Return comparison.csv: a row a measurement; a factor that is called as one of our columns stands behind it."""
+    own = {CONDITION: "condition", **({GROUP: "group"} if comparison.within else {})}
+    table = rows.table.drop(columns=["key", PLACE, *({GROUP} - own.keys())])
+    asked = {name: f"{name} (factor)" for name in own.values() if name in table}
+    table = table.rename(columns=asked).rename(columns=own)
+    return table[[*own.values(), *(name for name in table.columns if name not in own.values())]]
 
 
 def gather_curves(rows: Sorted, moves: Sequence[MoveLoader]) -> tuple[ConditionCurves, ...]:

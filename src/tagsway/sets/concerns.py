@@ -7,6 +7,7 @@ import pandas as pd
 
 from tagsway.model import Notice
 from tagsway.repeats import reject_by_esd
+from tagsway.sets.tables import CONDITION, GROUP
 
 SAME_TRAVEL = 0.02
 """Share by which the travels of moves that are compared may differ."""
@@ -37,7 +38,7 @@ def find_concerns(table: pd.DataFrame, conditions: Sequence[str], groups: Sequen
     Parameters
     ----------
     table : DataFrame
-        A row a measurement, with `condition` and `group`.
+        A row a measurement, with `CONDITION` and `GROUP`.
     conditions, groups : sequence of str
         In their order; the first condition is the reference.
 
@@ -61,7 +62,7 @@ def find_concerns(table: pd.DataFrame, conditions: Sequence[str], groups: Sequen
 
 def _missing(table: pd.DataFrame, judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        whole, used = (int((part["condition"] == name).sum()) for part in (table, judged))
+        whole, used = (int((part[CONDITION] == name).sum()) for part in (table, judged))
         if used < whole:
             words = f"{whole - used} of {whole} measurements of {name} show no move that can be judged"
             yield Notice(code="measurements_missing", message=f"{words}: comparison.csv says why")
@@ -83,7 +84,7 @@ def _single(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[st
 
 def _never(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        part = judged[judged["condition"] == name]
+        part = judged[judged[CONDITION] == name]
         unsettled = part["settling_time_s"].isna()
         if unsettled.any():
             watched = part.loc[unsettled, "watched_s"].min()
@@ -96,7 +97,7 @@ def _never(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
 
 def _lost(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        part = judged[judged["condition"] == name]
+        part = judged[judged[CONDITION] == name]
         gone = part["warnings"].astype(str).apply(lambda words: bool(LOST & set(words.split())))
         if gone.any():
             message = f"the grip slipped or was lost in {int(gone.sum())} of {len(part)} measurements of {name}"
@@ -105,7 +106,7 @@ def _lost(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
 
 def _several(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        part = judged[judged["condition"] == name]
+        part = judged[judged[CONDITION] == name]
         count = int(part["warnings"].astype(str).apply(lambda words: "several_decays" in words.split()).sum())
         if count:
             message = (
@@ -179,7 +180,7 @@ def _suspects(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[
 
 
 def _part(table: pd.DataFrame, group: str, condition: str) -> pd.DataFrame:
-    return table[(table["group"] == group) & (table["condition"] == condition)]
+    return table[(table[GROUP] == group) & (table[CONDITION] == condition)]
 
 
 def _name(condition: str, group: str) -> str:
