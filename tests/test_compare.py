@@ -22,6 +22,7 @@ from tagsway.sets.conditions import find_sources, read_conditions
 from tagsway.sets.moves import median_move, to_move, to_plain_move
 from tagsway.sets.tables import arrange_rows
 from tagsway.store.comparisons import read_comparison
+from tagsway.store.tracks import write_track
 
 
 @pytest.fixture
@@ -316,6 +317,44 @@ def test_a_simulation_promises_for_each_shaping_what_it_found(inside) -> None:
     assert {promise["condition"] for promise in document["promises"]} == {"none", "x"}
 
 
+def test_promises_that_say_nothing_certain_are_refused(inside, capsys) -> None:
+    folder = str(write_measured_set(inside / "m", repeats({"s": "none"}, 1) + repeats({"s": "x"}, 2)))
+    for text, told in (
+        (json.dumps({**DESIGN, "chosen": {**DESIGN["chosen"], "motion_time_s": float("nan")}}), "NaN"),
+        (json.dumps(DESIGN).replace("0.91", "1e999"), "finite"),
+        (json.dumps({**DESIGN, "chosen": {**DESIGN["chosen"], "shaped_axes": ["x", "y"]}}), "x-y"),
+    ):
+        (inside / "design.json").write_text(text)
+        assert run(["compare", folder, "--by", "s", "--reference", "x", "--design", "design.json"]) == 2
+        printed = capsys.readouterr().err
+        assert told in printed
+        assert printed.count("\n") == 1
+    row = {"shaping": "x", "overshoot_percent": 3.0, "motion_time_s": 2.0}
+    scan = [{**row, "max_acceleration_m_s2": a} for a in (5.0, 10.0)]
+    simulation = {"schema": "tagsway/simulation/1", "payload": {"samples": 9}, "rows": scan}
+    (inside / "simulation.json").write_text(json.dumps(simulation))
+    assert run(["compare", folder, "--by", "s", "--design", "simulation.json"]) == 2
+    assert "--within max_acceleration_m_s2" in capsys.readouterr().err
+
+
+def test_a_limit_in_the_box_is_judged_and_what_was_watched_too_briefly_keeps_or_breaks_nothing(inside) -> None:
+    never = {"shaped_axes": "x", "motion_time_s": None, "settling_time_s": None, "watched_s": 1.2, "box_error_mm": 9.0}
+    rows = [
+        {**row, "box_error_mm": 9.0} for row in repeats({"shaped_axes": "none"}, 1) + repeats({"shaped_axes": "x"}, 2)
+    ]
+    folder = str(write_measured_set(inside / "m", [*rows, never]))
+    (inside / "design.json").write_text(json.dumps({**DESIGN, "limits": {**DESIGN["limits"], "box_error_mm": 8.0}}))
+    row = {"shaping": "x", "max_acceleration_m_s2": 5.0, "motion_time_s": 2.0}
+    simulation = {"schema": "tagsway/simulation/1", "payload": {"samples": 9}, "rows": [row]}
+    (inside / "simulation.json").write_text(json.dumps(simulation))
+    designs = ["--design", "design.json", "--design", "simulation.json"]
+    document = compared(folder, "--by", "shaped_axes", *designs)
+    told = {promise["quantity"]: promise for promise in document["promises"]}
+    assert (told["box_error_mm"]["kept"], told["box_error_mm"]["verdict"]) == (0, "broken")
+    assert (told["motion_time_s"]["kept"], told["motion_time_s"]["n"]) == (6, 6)
+    assert "promise_unwatched" in {notice["code"] for notice in document["warnings"]}
+
+
 # ---- words and errors
 
 
@@ -337,6 +376,21 @@ def test_a_pattern_means_films_tracks_and_results_and_not_what_lies_beside_a_res
     folders = find_sources(read_conditions(["u=a", "x=a-identify"]), {})
     assert [item.path for _, item in folders.items] == [item.path for _, item in sources.items]
     assert folders.results == sources.results
+
+
+def test_a_film_counts_once_and_in_one_condition_alone(inside, capsys) -> None:
+    for number in range(3):
+        write_track(inside / f"{number}.csv", track_of(repeat(number), seed=number), None)
+    (inside / "copy.csv").write_bytes((inside / "0.csv").read_bytes())
+    assert run(["0.csv", "--quiet"]) == 0
+    own = ["--workers", "1"]
+    document = compared("u=0.csv", "0-identify", "copy.csv", "1.csv", "x=2.csv", *own)
+    assert difference(document, "trajectory_time_s")["change"]["n_reference"] == 2
+    (notice,) = [notice for notice in document["warnings"] if notice["code"] == "copies"]
+    assert "copy.csv" in notice["message"]
+    for words in (["u=0-identify", "x=copy.csv"], ["u=1.csv", "copy.csv", "x=0.csv"]):
+        assert run(["compare", *words, "--out", "out", *own]) == 2
+        assert "holds the same as" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

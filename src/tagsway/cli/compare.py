@@ -116,7 +116,9 @@ def compare(
         found = gather(sources, _kept_in(conditions, folder), lambda: hire(count, None), begin=begin, report=report)
     rows = sort_rows(found.table, wish, named=[condition.name or "" for condition in conditions])
     comparison = compare_rows(rows, wish)
-    comparison = replace(comparison, promises=judge_promises(promised, rows, within=within))
+    promises, unsure = judge_promises(promised, rows, within=within)
+    told = (*found.notices, *comparison.warnings, *unsure)
+    comparison = replace(comparison, promises=promises, warnings=told)
     write_comparison(comparison, rows, found.moves, folder, title=title)
     if json:
         typer.echo(dump(comparison_document(comparison)), nl=False)

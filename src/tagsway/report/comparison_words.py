@@ -186,7 +186,7 @@ def describe_promise(promise: Promise) -> str:
             f"{measured}"
         )
     words = f"{where}, {quantity.label}: promised at most {promise.promised:.{quantity.digits}f} {quantity.unit}"
-    share = "" if promise.share is None else f" for {100 * promise.share:g} % of the picks"
+    share = "" if promise.share is None else f" for {100 * promise.share:g} % of the picks, each limit by itself"
     interval = ""
     if promise.kept_ci95 is not None:
         interval = f" (95 %: {100 * promise.kept_ci95[0]:.0f} to {100 * promise.kept_ci95[1]:.0f} % of all)"

@@ -56,6 +56,7 @@ def find_concerns(table: pd.DataFrame, conditions: Sequence[str], groups: Sequen
         *_several(judged, conditions),
         *_ratio(judged, conditions, groups),
         *_suspects(judged, conditions, groups),
+        *_rejected(judged),
     ]
     return tuple(found)
 
@@ -130,7 +131,8 @@ def _unlike(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[st
             "after_s",
             SAME_WATCH,
             "watched_differs",
-            "they were watched for different times after the move: the RMS acceleration is over that time",
+            "they were watched for different times after the move: the RMS acceleration is over that time, and what "
+            "swings up later settles only where it is watched",
             lambda value: f"{value:.2f} s",
         ),
         (
@@ -177,6 +179,13 @@ def _suspects(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[
         more = f" and {len(found) - MOST_SUSPECTS} more" if len(found) > MOST_SUSPECTS else ""
         message = f"unlike the other repeats, and not left out: {', '.join(found[:MOST_SUSPECTS])}{more}"
         yield Notice(code="outlier_suspected", message=message)
+
+
+def _rejected(judged: pd.DataFrame) -> Iterator[Notice]:
+    files = judged.loc[judged["rejected_by"] != "", "file"].astype(str).tolist()
+    if files:
+        message = f"rejected in their set for their frequency or damping, and compared all the same: {_list(files)}"
+        yield Notice(code="rejected_in_set", message=message)
 
 
 def _part(table: pd.DataFrame, group: str, condition: str) -> pd.DataFrame:
