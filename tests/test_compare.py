@@ -393,11 +393,40 @@ def test_a_film_counts_once_and_in_one_condition_alone(inside, capsys) -> None:
         assert "holds the same as" in capsys.readouterr().err
 
 
+def test_names_are_drawn_as_they_are(inside) -> None:
+    rows = repeats({"s": "_$a_{"}, 1) + repeats({"s": "b$$"}, 2)
+    assert compared(str(write_measured_set(inside / "m", rows)), "--by", "s")["conditions"] == ["_$a_{", "b$$"]
+
+
+def test_a_comparison_takes_no_other_command_s_folder_and_keeps_figures_that_are_not_its_own(inside, capsys) -> None:
+    rows = repeats({"s": "no", "g": "a"}, 1) + repeats({"s": "yes", "g": "a"}, 2)
+    folder = write_measured_set(inside / "m", rows)
+    assert run(["compare", str(folder), "--by", "s", "--out", str(folder)]) == 2
+    assert "another command's" in capsys.readouterr().err
+    assert not (folder / "report.html").exists()
+    (inside / "out" / "figures").mkdir(parents=True)
+    for name in ("moves-own.png", "moves.png"):
+        (inside / "out" / "figures" / name).write_text("mine")
+    compared(str(folder), "--by", "s")
+    assert (inside / "out" / "figures" / "moves.png").exists()
+    compared(str(folder), "--by", "s")
+    assert {path.name for path in (inside / "out" / "figures").iterdir()} == {"moves-own.png", "indicators.png"}
+
+
+def test_files_that_cannot_be_measured_leave_no_folder(inside) -> None:
+    for name in ("a.mp4", "b.mp4"):
+        (inside / name).touch()
+    assert run(["compare", "u=a.mp4", "x=b.mp4", "--workers", "1", "--quiet"]) == 2
+    assert not list(inside.glob("*-compare"))
+
+
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
         (["u=none.mp4", "x=none.csv"], 2, "none.mp4"),
         (["u=*.mp4", "x=m"], 2, "matches nothing"),
+        (["u=**.mp4", "x=m"], 2, "no pattern"),
+        (["u=" + 3000 * "a", "x=m"], 2, "no such file"),
         (["u=m"], 2, "needs two"),
         (["m", "--by", "nothing"], 2, "shaped"),
         (["m", "--by", "shaped", "--within", "nothing"], 2, "shaped"),
@@ -407,6 +436,7 @@ def test_a_film_counts_once_and_in_one_condition_alone(inside, capsys) -> None:
         (["m", "--by", "gripper"], 2, "none of its 1 files"),
         (["m", "--by", "cup"], 3, "--tag-size"),
         (["m", "--by", "shaped", "--other-time", "-1"], 2, "--other-time"),
+        (["text", "--by", "shaped"], 2, "'soon'"),
     ],
 )
 def test_what_cannot_be_compared_ends_with_one_line(inside, capsys, words, code, told) -> None:
@@ -416,6 +446,7 @@ def test_what_cannot_be_compared_ends_with_one_line(inside, capsys, words, code,
     rows.append({**no_move, "gripper": "b", "cup": "a", "status": "failed", "error": "broken.mp4 is no video"})
     rows.append({**no_move, "gripper": "a", "cup": "b"})
     write_measured_set(inside / "m", rows)
+    write_measured_set(inside / "text", [{**row, "motion_time_s": "soon"} for row in rows])
     assert run(["compare", *words]) == code
     printed = capsys.readouterr()
     assert printed.err.startswith("error: ")

@@ -17,11 +17,12 @@ from tagsway.sets.batch import Begin, measure_items
 from tagsway.sets.conditions import Sources
 from tagsway.sets.jobs import Outcome, result_path
 from tagsway.sets.ledger import open_ledger, read_digests, read_kept
+from tagsway.sets.manifest import as_text
 from tagsway.sets.measuring import row_of_result
 from tagsway.sets.moves import to_move
 from tagsway.sets.options import inside
 from tagsway.sets.output import MEASUREMENTS
-from tagsway.sets.tables import CONDITION, COPY, PLACE, arrange_rows
+from tagsway.sets.tables import CONDITION, COPY, NUMBERS, PLACE, arrange_rows
 from tagsway.sets.workers import Crew
 from tagsway.store.documents import read_result
 from tagsway.store.tables import read_table
@@ -163,7 +164,7 @@ def _read_single(path: Path) -> tuple[dict[str, Any], AlignedMove | None, str]:
         whole = read_track(track)
         move = align_result(result, whole, clean_track(whole))
     error = result.warnings[-1].message if result.status == "not_determined" and result.warnings else None
-    row = {"file": path.as_posix(), "subset": "", "error": error, **row_of_result(result, move)}
+    row = {"file": as_text(path), "subset": "", "error": error, **row_of_result(result, move)}
     return row, move, result.source.sha256
 
 
@@ -176,9 +177,13 @@ def _read_set(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
                 f"{folder / MEASUREMENTS} has no column {name!r}: an earlier version measured it; measure it again, by "
                 "the same identify batch (nothing is tracked again)"
             )
+    for name in (name for name in ("pick", *NUMBERS) if name in table):
+        wrong = pd.to_numeric(table[name], errors="coerce").isna() & table[name].notna()
+        if wrong.any():
+            raise InputError(f"{folder / MEASUREMENTS}: {name} is {table[name][wrong].iloc[0]!r}: expected a number")
     for row in table.to_dict("records"):
         told = {str(name): None if pd.isna(value) else value for name, value in row.items()}
-        yield str(row["file"]), {**told, "file": f"{folder.as_posix()}/{row['file']}"}
+        yield str(row["file"]), {**told, "file": f"{as_text(folder)}/{row['file']}"}
 
 
 def _load_move(folder: Path, key: str | None, pick: float | None) -> AlignedMove | None:

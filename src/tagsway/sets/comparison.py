@@ -351,7 +351,10 @@ def _require_moves(part: pd.DataFrame, name: str) -> None:
     reasons = [str(text) for text in part["error"] if text]
     if (part["status"] == "failed").all():
         raise InputError(f"condition {name!r}: none of its {len(part)} files can be used; {_first(reasons)}")
-    why = "the tool does not move in them, or the sides of their tags are not known (--tag-size)"
+    why = (
+        "the tool does not move in them or its tag is not seen (--tcp-id), or the sides of their tags are not known "
+        "(--tag-size)"
+    )
     raise NotIdentifiableError(
         f"condition {name!r}: none of its {len(part)} measurements shows a move that can be judged: "
         f"{_first(reasons) if reasons else why}",
