@@ -91,7 +91,7 @@ def _never(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
             watched = part.loc[unsettled, "watched_s"].min()
             message = (
                 f"{int(unsettled.sum())} of {len(part)} measurements of {name} do not settle while they are watched "
-                f"(from {watched:.2f} s on after the start): they count as longer than any that do, by ranks"
+                f"(from {watched:.2f} s on after the start): by ranks they count as longer than any that settled sooner"
             )
             yield Notice(code="never_settles", message=message)
 
