@@ -1,6 +1,7 @@
 """`identify compare`: conditions with known differences, and what must not be claimed."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from tagsway.sets.conditions import find_sources, read_conditions
 from tagsway.sets.moves import median_move, to_move, to_plain_move
 from tagsway.sets.tables import arrange_rows
 from tagsway.store.comparisons import read_comparison
+from tagsway.store.tracks import write_track
 
 
 @pytest.fixture
@@ -197,6 +199,52 @@ def test_a_reference_that_never_settles_is_the_longest_and_bounds_what_is_gained
     assert "never_settles" in {notice["code"] for notice in document["warnings"]}
 
 
+def test_what_was_watched_too_briefly_to_settle_is_not_held_to_be_the_longer(inside) -> None:
+    never = {"motion_time_s": None, "settling_time_s": None}
+    brief = [{**row, **never, "watched_s": 0.95} for row in repeats({"shaped": "no"}, 1, n=5)]
+    document = compared(
+        str(write_measured_set(inside / "m", brief + repeats({"shaped": "yes"}, 2, n=5))), "--by", "shaped"
+    )
+    for quantity in ("motion_time_s", "settling_time_s"):
+        found = difference(document, quantity, "yes")
+        assert (found["change"]["p_value"], found["change"]["median_difference"]) == (None, None)
+        assert found["significant"] is None
+    assert "watched_too_briefly" in {notice["code"] for notice in document["warnings"]}
+
+
+def test_nothing_is_called_no_slower_than_what_was_watched_too_briefly(inside) -> None:
+    never = {"motion_time_s": None, "settling_time_s": None}
+    rows = []
+    for acceleration, watched in ((2.5, 0.9), (5.0, 2.5)):
+        common = {"a": acceleration, "watched_s": watched}
+        rows += [{**row, **never} for row in repeats({**common, "shaped": "no"}, 1, n=3)]
+        rows += repeats({**common, "shaped": "yes"}, 2, n=3, overshoot_percent=-2)
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped", "--within", "a")
+    assert [exchange["reference_group"] for exchange in document["exchanges"]] == ["5"]
+
+
+def test_motion_and_settling_that_end_alike_are_one_test_and_too_few_repeats_are_told(inside, capsys) -> None:
+    never = {"motion_time_s": None, "settling_time_s": None, "shaped": "no"}
+    for n, told in ((4, "too few repeats to tell by ranks"), (6, "significant")):
+        rows = [{**row, **never} for row in repeats({}, 1, n=n)] + repeats({"shaped": "yes"}, 2, n=n)
+        assert run(["compare", str(write_measured_set(inside / "m", rows)), "--by", "shaped"]) == 0
+        (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  motion time")]
+        assert line.endswith(f": {told}")
+        document = json.loads((inside / "m-compare" / "comparison.json").read_text(encoding="utf-8"))
+        assert document["tests"] == sum(d["change"]["p_value"] is not None for d in document["differences"]) - 1
+
+
+def test_factors_may_be_called_as_our_own_columns_and_close_levels_stay_apart(inside) -> None:
+    rows = repeats({"condition": 1.2345678, "place": "a", "group": "g"}, 1, n=2)
+    rows += repeats({"condition": 1.2345679, "place": "b", "group": "h"}, 2, n=2)
+    folder = str(write_measured_set(inside / "m", rows))
+    assert compared(folder, "--by", "condition")["conditions"] == ["1.2345678", "1.2345679"]
+    assert set(pd.read_csv(inside / "out" / "comparison.csv")["condition (factor)"]) == {1.2345678, 1.2345679}
+    assert compared(folder, "--by", "place")["conditions"] == ["a", "b"]
+    assert run(["compare", folder, "--by", "place", "--within", "place"]) == 2
+    assert run(["compare", folder, "--by", "(place)"]) == 2
+
+
 def test_each_acceleration_is_compared_for_itself(inside) -> None:
     rows = []
     for number, acceleration in enumerate((2.5, 10.0, 5.0)):
@@ -270,6 +318,44 @@ def test_a_simulation_promises_for_each_shaping_what_it_found(inside) -> None:
     assert {promise["condition"] for promise in document["promises"]} == {"none", "x"}
 
 
+def test_promises_that_say_nothing_certain_are_refused(inside, capsys) -> None:
+    folder = str(write_measured_set(inside / "m", repeats({"s": "none"}, 1) + repeats({"s": "x"}, 2)))
+    for text, told in (
+        (json.dumps({**DESIGN, "chosen": {**DESIGN["chosen"], "motion_time_s": float("nan")}}), "NaN"),
+        (json.dumps(DESIGN).replace("0.91", "1e999"), "finite"),
+        (json.dumps({**DESIGN, "chosen": {**DESIGN["chosen"], "shaped_axes": ["x", "y"]}}), "x-y"),
+    ):
+        (inside / "design.json").write_text(text)
+        assert run(["compare", folder, "--by", "s", "--reference", "x", "--design", "design.json"]) == 2
+        printed = capsys.readouterr().err
+        assert told in printed
+        assert printed.count("\n") == 1
+    row = {"shaping": "x", "overshoot_percent": 3.0, "motion_time_s": 2.0}
+    scan = [{**row, "max_acceleration_m_s2": a} for a in (5.0, 10.0)]
+    simulation = {"schema": "tagsway/simulation/1", "payload": {"samples": 9}, "rows": scan}
+    (inside / "simulation.json").write_text(json.dumps(simulation))
+    assert run(["compare", folder, "--by", "s", "--design", "simulation.json"]) == 2
+    assert "--within max_acceleration_m_s2" in capsys.readouterr().err
+
+
+def test_a_limit_in_the_box_is_judged_and_what_was_watched_too_briefly_keeps_or_breaks_nothing(inside) -> None:
+    never = {"shaped_axes": "x", "motion_time_s": None, "settling_time_s": None, "watched_s": 1.2, "box_error_mm": 9.0}
+    rows = [
+        {**row, "box_error_mm": 9.0} for row in repeats({"shaped_axes": "none"}, 1) + repeats({"shaped_axes": "x"}, 2)
+    ]
+    folder = str(write_measured_set(inside / "m", [*rows, never]))
+    (inside / "design.json").write_text(json.dumps({**DESIGN, "limits": {**DESIGN["limits"], "box_error_mm": 8.0}}))
+    row = {"shaping": "x", "max_acceleration_m_s2": 5.0, "motion_time_s": 2.0}
+    simulation = {"schema": "tagsway/simulation/1", "payload": {"samples": 9}, "rows": [row]}
+    (inside / "simulation.json").write_text(json.dumps(simulation))
+    designs = ["--design", "design.json", "--design", "simulation.json"]
+    document = compared(folder, "--by", "shaped_axes", *designs)
+    told = {promise["quantity"]: promise for promise in document["promises"]}
+    assert (told["box_error_mm"]["kept"], told["box_error_mm"]["verdict"]) == (0, "broken")
+    assert (told["motion_time_s"]["kept"], told["motion_time_s"]["n"]) == (6, 6)
+    assert "promise_unwatched" in {notice["code"] for notice in document["warnings"]}
+
+
 # ---- words and errors
 
 
@@ -293,11 +379,55 @@ def test_a_pattern_means_films_tracks_and_results_and_not_what_lies_beside_a_res
     assert folders.results == sources.results
 
 
+def test_a_film_counts_once_and_in_one_condition_alone(inside, capsys) -> None:
+    odd = os.fsdecode(b"no text \xff.csv")
+    for number, name in enumerate(("0.csv", odd)):
+        write_track(inside / name, track_of(repeat(number), seed=number), None)
+    (inside / "copy.csv").write_bytes((inside / "0.csv").read_bytes())
+    assert run(["0.csv", "--quiet"]) == 0
+    document = compared("u=0.csv", "0-identify", "copy.csv", "x=no*.csv", "--workers", "1")
+    assert difference(document, "trajectory_time_s")["change"]["n_reference"] == 1
+    (notice,) = [notice for notice in document["warnings"] if notice["code"] == "copies"]
+    assert "copy.csv" in notice["message"]
+    assert "no text \\xff.csv" in set(pd.read_csv(inside / "out" / "comparison.csv")["file"])
+    assert run(["compare", "u=0-identify", "x=copy.csv", "--out", "out", "--workers", "1"]) == 2
+    assert "holds the same as" in capsys.readouterr().err
+
+
+def test_names_are_drawn_as_they_are(inside) -> None:
+    rows = repeats({"s": "_$a_{"}, 1) + repeats({"s": "b$$"}, 2)
+    assert compared(str(write_measured_set(inside / "m", rows)), "--by", "s")["conditions"] == ["_$a_{", "b$$"]
+
+
+def test_a_comparison_takes_no_other_command_s_folder_and_keeps_figures_that_are_not_its_own(inside, capsys) -> None:
+    rows = repeats({"s": "no", "g": "a"}, 1) + repeats({"s": "yes", "g": "a"}, 2)
+    folder = write_measured_set(inside / "m", rows)
+    assert run(["compare", str(folder), "--by", "s", "--out", str(folder)]) == 2
+    assert "another command's" in capsys.readouterr().err
+    assert not (folder / "report.html").exists()
+    (inside / "out" / "figures").mkdir(parents=True)
+    for name in ("moves-own.png", "moves.png"):
+        (inside / "out" / "figures" / name).write_text("mine")
+    compared(str(folder), "--by", "s")
+    assert (inside / "out" / "figures" / "moves.png").exists()
+    compared(str(folder), "--by", "s")
+    assert {path.name for path in (inside / "out" / "figures").iterdir()} == {"moves-own.png", "indicators.png"}
+
+
+def test_files_that_cannot_be_measured_leave_no_folder(inside) -> None:
+    for name in ("a.mp4", "b.mp4"):
+        (inside / name).touch()
+    assert run(["compare", "u=a.mp4", "x=b.mp4", "--workers", "1", "--quiet"]) == 2
+    assert not list(inside.glob("*-compare"))
+
+
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
         (["u=none.mp4", "x=none.csv"], 2, "none.mp4"),
         (["u=*.mp4", "x=m"], 2, "matches nothing"),
+        (["u=**.mp4", "x=m"], 2, "no pattern"),
+        (["u=" + 3000 * "a", "x=m"], 2, "no such file"),
         (["u=m"], 2, "needs two"),
         (["m", "--by", "nothing"], 2, "shaped"),
         (["m", "--by", "shaped", "--within", "nothing"], 2, "shaped"),
@@ -307,6 +437,7 @@ def test_a_pattern_means_films_tracks_and_results_and_not_what_lies_beside_a_res
         (["m", "--by", "gripper"], 2, "none of its 1 files"),
         (["m", "--by", "cup"], 3, "--tag-size"),
         (["m", "--by", "shaped", "--other-time", "-1"], 2, "--other-time"),
+        (["text", "--by", "shaped"], 2, "'soon'"),
     ],
 )
 def test_what_cannot_be_compared_ends_with_one_line(inside, capsys, words, code, told) -> None:
@@ -316,6 +447,7 @@ def test_what_cannot_be_compared_ends_with_one_line(inside, capsys, words, code,
     rows.append({**no_move, "gripper": "b", "cup": "a", "status": "failed", "error": "broken.mp4 is no video"})
     rows.append({**no_move, "gripper": "a", "cup": "b"})
     write_measured_set(inside / "m", rows)
+    write_measured_set(inside / "text", [{**row, "motion_time_s": "soon"} for row in rows])
     assert run(["compare", *words]) == code
     printed = capsys.readouterr()
     assert printed.err.startswith("error: ")

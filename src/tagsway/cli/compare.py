@@ -11,7 +11,9 @@ from tagsway.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tagsway.model import Comparison
     from tagsway.sets.comparing import Gathered
+    from tagsway.sets.comparison import Wish
     from tagsway.sets.conditions import Condition
 
 MOST_NAMED = 20
@@ -65,19 +67,8 @@ def compare(
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Compare conditions, as unshaped and shaped: indicators, their differences and how sure they are, picks gained."""
-    from dataclasses import replace
-
-    from tagsway.files import check_writable
-    from tagsway.report.comparison_words import summary_lines
-    from tagsway.sets.batch import hire
-    from tagsway.sets.comparing import gather
-    from tagsway.sets.comparison import Wish, sort_rows
-    from tagsway.sets.comparison import compare as compare_rows
-    from tagsway.sets.comparison_output import check_comparison_outputs, write_comparison
-    from tagsway.sets.conditions import check_factor, find_sources, read_conditions
-    from tagsway.sets.promises import judge_promises, read_promises
-    from tagsway.store.comparisons import comparison_document
-    from tagsway.store.documents import dump
+    from tagsway.sets.comparison import Wish
+    from tagsway.sets.conditions import read_conditions
 
     if workers is not None and not workers >= 1:
         raise InputError(f"--workers is {workers}: expected 1 or more")
@@ -87,9 +78,7 @@ def compare(
     wish = Wish(by=_factor(conditions, by), within=within, reference=reference, other_time_s=other_time)
     if reference is not None and wish.by is None and reference not in {each.name for each in conditions}:
         raise InputError(f"--reference is {reference!r}: expected one of {', '.join(str(c.name) for c in conditions)}")
-    promised = read_promises(design or [])
     title, folder = _names(conditions, wish.by, out)
-    check_writable(folder)
     stated = {
         "fps": fps,
         "family": family,
@@ -105,20 +94,62 @@ def compare(
         "columns": columns,
         "picks": picks or None,
     }
-    sources = find_sources(conditions, _stated(stated), leave_out=folder)
-    check_factor(sources, wish.by, option="--by", least=2)
-    check_factor(sources, within, option="--within")
-    check_comparison_outputs(
-        folder, [*(Path(item.path) for _, item in sources.items), *(p for _, p in sources.results)]
+    crew = workers or usable_cores()
+    found, comparison = _compare(
+        conditions, wish, design or [], _stated(stated), folder, title=title, workers=crew, shown=not quiet
     )
-    count = workers or usable_cores()
-    with display_set(title, shown=not quiet) as (begin, report):
-        found = gather(sources, _kept_in(conditions, folder), lambda: hire(count, None), begin=begin, report=report)
-    rows = sort_rows(found.table, wish, named=[condition.name or "" for condition in conditions])
-    comparison = compare_rows(rows, wish)
-    comparison = replace(comparison, promises=judge_promises(promised, rows, within=within))
-    write_comparison(comparison, rows, found.moves, folder, title=title)
-    if json:
+    _report(found, comparison, folder, as_json=json, quiet=quiet)
+
+
+def _compare(
+    conditions: "Sequence[Condition]",
+    wish: "Wish",
+    design: "Sequence[str]",
+    stated: dict[str, Any],
+    folder: Path,
+    *,
+    title: str,
+    workers: int,
+    shown: bool,
+) -> "tuple[Gathered, Comparison]":
+    """Measure what is missing, compare, and write the folder."""
+    from dataclasses import replace
+
+    from tagsway.files import check_writable
+    from tagsway.sets.batch import hire
+    from tagsway.sets.comparing import gather
+    from tagsway.sets.comparison import compare as compare_rows
+    from tagsway.sets.comparison import sort_rows
+    from tagsway.sets.comparison_output import check_comparison_outputs, leaving_nothing, write_comparison
+    from tagsway.sets.conditions import check_factor, find_sources
+    from tagsway.sets.promises import judge_promises, read_promises
+
+    promised = read_promises(design)
+    check_writable(folder)
+    sources = find_sources(conditions, stated, leave_out=folder)
+    check_factor(sources, wish.by, option="--by", least=2)
+    check_factor(sources, wish.within, option="--within")
+    read = [*(Path(item.path) for _, item in sources.items), *(path for _, path in sources.results)]
+    check_comparison_outputs(folder, read)
+    with leaving_nothing(folder):
+        with display_set(title, shown=shown) as (begin, report):
+            kept = _kept_in(conditions, folder)
+            found = gather(sources, kept, lambda: hire(workers, None), begin=begin, report=report)
+        rows = sort_rows(found.table, wish, named=[condition.name or "" for condition in conditions])
+        comparison = compare_rows(rows, wish)
+        promises, unsure = judge_promises(promised, rows, within=wish.within)
+        told = (*found.notices, *comparison.warnings, *unsure)
+        comparison = replace(comparison, promises=promises, warnings=told)
+        write_comparison(comparison, rows, found.moves, folder, title=title)
+    return found, comparison
+
+
+def _report(found: "Gathered", comparison: "Comparison", folder: Path, *, as_json: bool, quiet: bool) -> None:
+    from tagsway.report.comparison_words import summary_lines
+    from tagsway.store.comparisons import comparison_document
+    from tagsway.store.documents import dump
+
+    if as_json:
         typer.echo(dump(comparison_document(comparison)), nl=False)
     elif not quiet:
         typer.echo("\n".join(summary_lines(comparison)))
@@ -140,6 +171,8 @@ def _factor(conditions: "Sequence[Condition]", by: str | None) -> str | None:
 
 def _names(conditions: "Sequence[Condition]", by: str | None, out: str | None) -> tuple[str, Path]:
     """Return the title and the folder of a comparison."""
+    from tagsway.sets.manifest import as_text
+
     if out is not None and not out.strip():
         raise InputError("--out is empty: expected a folder for the results")
     names = [condition.name for condition in conditions if condition.name is not None]
@@ -147,7 +180,7 @@ def _names(conditions: "Sequence[Condition]", by: str | None, out: str | None) -
         title, stem = f"{', '.join(names[1:])} against {names[0]}", "-".join(names)
     else:
         stem = Path(conditions[0].paths[0]).resolve().stem.removesuffix("-identify")
-        title = f"{stem} by {by}"
+        title = as_text(f"{stem} by {by}")
     plain = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in stem)[:80].strip("-.") or "conditions"
     return title, Path(f"{plain}-compare") if out is None else Path(out)
 

@@ -28,7 +28,9 @@ SecondGain = Annotated[
 Samples = Annotated[
     int | None, typer.Option(help="Payloads over the spread, or within a result's errors.", show_default="21 or 1")
 ]
-Accelerations = Annotated[str | None, typer.Option(help="A:B:STEP in m/s², or A,B,C: for studies.", show_default=SCAN)]
+Accelerations = Annotated[
+    str | None, typer.Option(help="FROM:TO:STEP in m/s², or A,B,C: for studies.", show_default=SCAN)
+]
 MaxOvershoot = Annotated[float | None, typer.Option(help="For limits: in percent of the reference.")]
 Reference = Annotated[
     float | None, typer.Option(help="What the percentages refer to, in mm.", show_default="the travel")

@@ -54,10 +54,10 @@ def read_limits(acceleration: float | None, overshoot: float | None, box_mm: flo
 
 
 def read_scan(text: str) -> list[float]:
-    """Return the accelerations of A:B:STEP, both ends among them, or of A,B,C."""
+    """Return the accelerations of FROM:TO:STEP, both ends among them, or of A,B,C."""
     import numpy as np
 
-    words = f"--accelerations is {text!r}: expected A:B:STEP or A,B,C in m/s², rising, such as 2:10:0.5"
+    words = f"--accelerations is {text!r}: expected FROM:TO:STEP or A,B,C in m/s², rising, such as 2:10:0.5"
     try:
         parts = [float(part) for part in re.split("[:,]", text)]
     except ValueError:

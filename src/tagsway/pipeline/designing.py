@@ -34,9 +34,10 @@ def write_advice(advice: Advice, folder: Path) -> None:
     """
     chosen = advice.chosen
     folder.mkdir(parents=True, exist_ok=True)
-    stale = [*folder.glob("trajectory-*.csv"), *folder.glob("trajectory-*.json")]
-    for path in [*(folder / name for name in DESIGN_FILES), *stale]:
-        path.unlink(missing_ok=True)
+    if (folder / "design.json").exists():
+        numbered = [path for path in folder.glob("trajectory-[0-9]*.*") if path.suffix in {".csv", ".json"}]
+        for path in [*(folder / name for name in DESIGN_FILES), *numbered]:
+            path.unlink(missing_ok=True)
     if chosen.shaper is not None:
         write_shaper(folder / "shaper.json", chosen.shaper)
     for i, move in enumerate(chosen.planned.moves):

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from tagsway.model import AlignedMove, ConditionCurves, FloatArray
 from tagsway.report.comparison_words import QUANTITIES
 from tagsway.report.figures import save_figure
-from tagsway.report.panels import make_panels, name_panel
+from tagsway.report.panels import literal, make_panels, name_panel
 from tagsway.report.style import BLUE, GREEN, GREY, INK, ORANGE, RULE, VERMILION
 from tagsway.report.traces import Chart, Panel, make_trace, mark_place, stack_panels
 
@@ -87,7 +87,7 @@ def plot_moves(curves: Sequence[ConditionCurves], *, title: str) -> Figure:
                 panel.plot(move.time_s, view.of(move), color=look.colour, ls=look.dash, lw=width, alpha=alpha)
             if curve.middle is not None:
                 panel.plot(curve.middle.time_s, view.of(curve.middle), color=look.colour, ls=look.dash, lw=1.8)
-            panel.plot([], [], color=look.colour, ls=look.dash, lw=1.8, label=_called(curve))
+            panel.plot([], [], color=look.colour, ls=look.dash, lw=1.8, label=literal(_called(curve)))
             panel.axvline(_end_of(curve), color=look.colour, ls=look.dash, lw=0.9)
     band = 1e3 * max((curve.band_m for curve in curves), default=0.0)
     panels[SETTLING].axhspan(-band, band, color=GREEN, alpha=0.15, lw=0)
@@ -96,7 +96,7 @@ def plot_moves(curves: Sequence[ConditionCurves], *, title: str) -> Figure:
     for number, (panel, view) in enumerate(zip(panels, VIEWS, strict=True)):
         last = number == len(VIEWS) - 1
         words = "time from the start of the move (s)" if last else None
-        name_panel(panel, title if number == 0 else None, view.label, x=words, legend=number == 0)
+        name_panel(panel, literal(title) if number == 0 else None, view.label, x=words, legend=number == 0)
     panels[0].set_xlim(0, _reach(curves))
     return figure
 
@@ -127,8 +127,8 @@ def plot_indicators(curves: Sequence[ConditionCurves], *, over: str | None = Non
         label = f"{quantity.label}\n({quantity.unit})"
         name_panel(panel, head, label, legend=panel is panels[0] and len(groups) > 1)
     ticks = groups if len(groups) > 1 else [f"{n} (n {_count(curves, n)})" for n in names]
-    panels[-1].set_xticks(range(len(ticks)), ticks)
-    panels[-1].set_xlabel(over or "")
+    panels[-1].set_xticks(range(len(ticks)), [literal(tick) for tick in ticks])
+    panels[-1].set_xlabel(literal(over or ""))
     panels[-1].set_xlim(-0.6, len(ticks) - 0.4)
     return figure
 
@@ -187,7 +187,7 @@ def _draw_points(
             medians.append(min(float(np.median(values)), top))
         panel.hlines(medians, np.array(places) - 0.11, np.array(places) + 0.11, color=look.colour, lw=2.0)
         if several:
-            panel.plot(places, medians, color=look.colour, ls=look.dash, lw=1.1, label=condition)
+            panel.plot(places, medians, color=look.colour, ls=look.dash, lw=1.1, label=literal(condition))
     panel.set_ylim(bottom=0, top=1.06 * top)
     if any(np.isinf(curve.points[name]).any() for curve in curves):
         panel.axhline(top, color=RULE, lw=1.0)

@@ -117,6 +117,7 @@ def counts(comparison: Comparison, group: str) -> list[int]:
 def difference_rows(comparison: Comparison, group: str) -> dict[str, list[DifferenceRow]]:
     """Return the differences of a group from the reference in words, by condition."""
     rows: dict[str, list[DifferenceRow]] = {}
+    by_ranks = comparison.tests - sum(found.change.test == "welch" for found in comparison.differences)
     for found in comparison.differences:
         if found.group != group:
             continue
@@ -134,7 +135,7 @@ def difference_rows(comparison: Comparison, group: str) -> dict[str, list[Differ
                 ratio_interval=ends,
                 p_holm=_p_words(found.p_holm),
                 rank_p_value=_p_words(change.rank_p_value),
-                verdict=_verdict(found, comparison.level),
+                verdict=_verdict(found, comparison.level, by_ranks),
             )
         )
     return rows
@@ -148,9 +149,10 @@ def describe_rate(rate: PickRate) -> str:
         return f"{where}picks a minute of {rate.condition}: not known, as some moves never settle"
     gained = f"{where}{rate.condition} {'gains' if rate.gained >= 0 else 'loses'}"
     if rate.at_least:
+        least = f"at least {rate.gained:+.1f}, by the means and without an error"
         return (
             f"{where}{rate.condition} makes {rate.per_min:.1f} picks a minute{beside}; against {rate.reference}, some "
-            f"of which never settle, that is at least {rate.gained:+.1f}"
+            f"of which never settle while they are watched, that is {least if rate.gained > 0 else 'a gain not known'}"
         )
     interval = "; one measurement tells no error"
     if rate.ci95 is not None:
@@ -184,7 +186,7 @@ def describe_promise(promise: Promise) -> str:
             f"{measured}"
         )
     words = f"{where}, {quantity.label}: promised at most {promise.promised:.{quantity.digits}f} {quantity.unit}"
-    share = "" if promise.share is None else f" for {100 * promise.share:g} % of the picks"
+    share = "" if promise.share is None else f" for {100 * promise.share:g} % of the picks, each limit by itself"
     interval = ""
     if promise.kept_ci95 is not None:
         interval = f" (95 %: {100 * promise.kept_ci95[0]:.0f} to {100 * promise.kept_ci95[1]:.0f} % of all)"
@@ -249,11 +251,12 @@ def _difference_lines(comparison: Comparison, group: str) -> list[str]:
 
 
 def _median_cell(one: ConditionSummary, digits: int) -> Cell:
-    value = "never" if one.median is None else f"{one.median:.{digits}f}"
-    remark = "" if one.deviation_percent is None or one.n < 2 else f"(±{one.deviation_percent:.2g} %)"
-    if one.never and one.median is not None:
-        remark = f"({one.never} never)"
-    return Cell(value, "" if one.median is None else remark)
+    some = f"{one.never} of {one.n} never"
+    if one.median is None:
+        whole = one.never == one.n
+        return Cell("never", "" if whole else f"({some})") if 2 * one.never > one.n else Cell(some, "")
+    spread = "" if one.deviation_percent is None or one.n < 2 else f"(±{one.deviation_percent:.2g} %)"
+    return Cell(f"{one.median:.{digits}f}", f"({some})" if one.never else spread)
 
 
 def _ratio_cell(comparison: Comparison, group: str, quantity: str, condition: str, *, reduced: bool) -> Cell:
@@ -283,13 +286,18 @@ def _p_words(p: float | None) -> str:
     return f"< {LEAST_P:g}" if p < LEAST_P else f"= {p:.2g}"
 
 
-def _verdict(found: Difference, level: float) -> str:
+def _verdict(found: Difference, level: float, by_ranks: int) -> str:
+    """Return what a test says: one by ranks that cannot come out below its share of the level says nothing."""
     change = found.change
     if found.significant is None:
         return "not tested"
-    if change.test == "mann-whitney" and not 2 / comb(change.n + change.n_reference, change.n) < level:
+    if found.significant:
+        return "significant"
+    least = 2 / comb(change.n + change.n_reference, change.n)
+    apart = change.p_value is not None and change.p_value <= least  # no repeats could be farther apart
+    if change.test == "mann-whitney" and (apart or not by_ranks * least < level):
         return "too few repeats to tell by ranks"
-    return "significant" if found.significant else "not significant"
+    return "not significant"
 
 
 def _pad(cells: Sequence[str], widths: Sequence[int]) -> list[str]:

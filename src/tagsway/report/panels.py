@@ -110,3 +110,8 @@ def mark_frequency(panel: Axes, frequency_hz: Estimate, label: str, *, interval:
     low, high = frequency_hz.ci95
     if np.isfinite(low) and np.isfinite(high):
         panel.axvspan(low, high, color=BLUE, alpha=0.2, lw=0, label=interval or None)
+
+
+def literal(text: str) -> str:
+    """Return a name as it is drawn: a dollar sign would begin a formula, a line below hide it from the legend."""
+    return f"{' ' if text.startswith('_') else ''}{text}".replace("$", r"\$")

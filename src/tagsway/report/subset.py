@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from tagsway.files import whole_file
 from tagsway.model import FactorEffect, FloatArray, ResidualCurve, Shaper
 from tagsway.report.figures import save_figure
-from tagsway.report.panels import make_panels, name_panel
+from tagsway.report.panels import literal, make_panels, name_panel
 from tagsway.report.style import BLUE, GREY, INK, VERMILION
 
 MOST_BINS = 40
@@ -66,7 +66,7 @@ def plot_scatter(
     if rejected_hz is not None and len(rejected_hz):
         zeros = np.zeros(len(rejected_hz))
         panel.plot(rejected_hz, zeros, "x", color=VERMILION, ms=7, mew=1.5, clip_on=False, label="rejected")
-    name_panel(panel, _literal(title), "measurements", x="natural frequency (Hz)")
+    name_panel(panel, literal(title), "measurements", x="natural frequency (Hz)")
     if curve is not None:
         beside = panel.twinx()
         name = "residual vibration" if shaper is None else f"{shaper.type.upper()} shaper"
@@ -124,10 +124,10 @@ def plot_factors(
             _draw_levels(panel, places, words, float(np.mean(frequency_hz)), own)
             places = places + 0.3 * ((np.arange(len(places)) * GOLDEN) % 1 - 0.5)
             step = max(1, len(words) // MOST_NAMES)
-            panel.set_xticks(range(0, len(words), step), [_literal(word) or "-" for word in words[::step]])
+            panel.set_xticks(range(0, len(words), step), [literal(word) or "-" for word in words[::step]])
         panel.plot(places, alike_hz, "o", color=BLUE, ms=4, alpha=0.5)
         label = "f$_n$, the others alike (Hz)" if effects and count > 1 else "f$_n$ (Hz)"
-        name_panel(panel, _literal(title) if number == 0 else None, label, x=_literal(name))
+        name_panel(panel, literal(title) if number == 0 else None, label, x=literal(name))
     return figure
 
 
@@ -153,7 +153,7 @@ def plot_decays(
     figure, (panel,) = make_panels(None, (1,), height_inch=3.8)
     for time_s, sway in decays:
         panel.plot(time_s, sway, color=BLUE, lw=0.8, alpha=max(0.1, min(0.8, 8 / len(decays))))
-    name_panel(panel, _literal(title), f"sway ({unit})", x="time from the window's begin (s)")
+    name_panel(panel, literal(title), f"sway ({unit})", x="time from the window's begin (s)")
     return figure
 
 
@@ -205,11 +205,6 @@ def _draw_levels(
     for one in effects:
         at, half = words.index(str(one.level)), (one.effect.ci95[1] - one.effect.ci95[0]) / 2
         panel.errorbar([at], [first + one.effect.value], [half], fmt="D", color=INK, ms=6, capsize=4, lw=1.4, zorder=4)
-
-
-def _literal(text: str) -> str:
-    """Return a name as it is drawn: a dollar sign would begin a formula."""
-    return text.replace("$", r"\$")
 
 
 def _by_number(word: str) -> tuple[float, str]:

@@ -20,9 +20,8 @@ from tagsway.model import (
 from tagsway.repeats import adjust_holm, compare_repeats, rate_gain, summarise_repeats
 from tagsway.sets.concerns import find_concerns
 from tagsway.sets.exchanges import find_exchanges
-from tagsway.sets.tables import FIRST, NUMBERS, TEXTS
+from tagsway.sets.tables import CONDITION, FIRST, GROUP, NUMBERS, PLACE, TEXTS
 
-CONDITION, GROUP, PLACE = "condition", "group", "place"
 MOTION, SETTLING, TRAJECTORY = "motion_time_s", "settling_time_s", "trajectory_time_s"
 QUANTITIES = (
     MOTION,
@@ -78,7 +77,7 @@ class Sorted:
     Parameters
     ----------
     table : DataFrame
-        With the columns `condition` and `group`.
+        With the columns `CONDITION` and `GROUP`.
     conditions, groups : tuple of str
         In their order, the reference first.
     left_out : int
@@ -97,7 +96,7 @@ def sort_rows(table: pd.DataFrame, wish: Wish, *, named: Sequence[str] = ()) -> 
     Parameters
     ----------
     table : DataFrame
-        A row a measurement, with factors, and with `condition` where conditions were named.
+        A row a measurement, with factors, and with `CONDITION` where conditions were named.
     wish : Wish
         What is compared.
     named : sequence of str
@@ -108,6 +107,8 @@ def sort_rows(table: pd.DataFrame, wish: Wish, *, named: Sequence[str] = ()) -> 
     InputError
         Where a factor is not there, or does not make two conditions.
     """
+    if wish.by is not None and wish.by == wish.within:
+        raise InputError(f"--by and --within are both {wish.by!r}: expected two factors")
     groups = "" if wish.within is None else _levels(table, wish.within)
     levels = None if wish.by is None else _levels(table, wish.by)
     table = table.assign(**{GROUP: groups, **({} if levels is None else {CONDITION: levels})})
@@ -155,13 +156,8 @@ def compare(rows: Sorted, wish: Wish) -> Comparison:
         _require_moves(rows.table[rows.table[CONDITION] == name], name)
     reference = rows.conditions[0]
     differences, summaries = list(_differences(rows)), tuple(_summaries(rows))
-    p_values = [np.nan if d.change.p_value is None else d.change.p_value for d in differences]
-    adjusted = adjust_holm(np.array(p_values, dtype=float))
-    held = [
-        d if np.isnan(p) else replace(d, p_holm=float(p), significant=bool(p < LEVEL))
-        for d, p in zip(differences, adjusted, strict=True)
-    ]
-    notices = find_concerns(rows.table, rows.conditions, rows.groups)
+    held, tests = _hold_together(differences)
+    notices = (*find_concerns(rows.table, rows.conditions, rows.groups), *_tell_unordered(rows))
     if rows.left_out:
         words = f"{rows.left_out} measurements have no level of {wish.by or wish.within} and are left out"
         notices = (*notices, Notice(code="without_level", message=words))
@@ -173,11 +169,11 @@ def compare(rows: Sorted, wish: Wish) -> Comparison:
         conditions=rows.conditions,
         groups=rows.groups,
         level=LEVEL,
-        tests=int(np.isfinite(p_values).sum()),
+        tests=tests,
         summaries=summaries,
-        differences=tuple(held),
+        differences=held,
         rates=tuple(_rates(rows, wish)),
-        exchanges=find_exchanges(summaries, rows.conditions, rows.groups),
+        exchanges=find_exchanges(summaries, rows.conditions, rows.groups, bounds_s=_bounds(rows)),
         promises=(),
         warnings=notices,
     )
@@ -243,15 +239,84 @@ def _differences(rows: Sorted) -> Iterator[Difference]:
             first, other = (values_of(part_of(rows, group, name), quantity) for name in (rows.conditions[0], condition))
             if np.isnan(first).all() or np.isnan(other).all():
                 continue
+            change = compare_repeats(first, other)
+            if quantity in NEVER and not _is_ordered(rows, group, condition, quantity):
+                change = replace(change, test=None, p_value=None, rank_p_value=None, median_difference=None)
             yield Difference(
                 group=group,
                 condition=condition,
                 reference=rows.conditions[0],
                 quantity=quantity,
-                change=compare_repeats(first, other),
+                change=change,
                 p_holm=None,
                 significant=None,
             )
+
+
+def _is_ordered(rows: Sorted, group: str, condition: str, quantity: str) -> bool:
+    """Tell whether each move that never settled was watched until all that settled on the other side had."""
+    parts = [part_of(rows, group, name) for name in (rows.conditions[0], condition)]
+    for never, settled in (parts, parts[::-1]):
+        known = settled[quantity].dropna()
+        watched = never.loc[never[quantity].isna(), "watched_s"].fillna(0.0)
+        if len(watched) and len(known) and not watched.min() >= known.max():
+            return False
+    return True
+
+
+def _tell_unordered(rows: Sorted) -> Iterator[Notice]:
+    for group, condition in _pairs(rows):
+        if not all(_is_ordered(rows, group, condition, quantity) for quantity in NEVER):
+            message = (
+                f"{f'{group}: ' if group else ''}{condition} against {rows.conditions[0]}: a move that never settles "
+                "was watched for a shorter time than another took to settle: which is the longer is not known, and "
+                "these times are not tested; film on until all of them stand"
+            )
+            yield Notice(code="watched_too_briefly", message=message)
+
+
+def _hold_together(differences: Sequence[Difference]) -> tuple[tuple[Difference, ...], int]:
+    """Correct all p values for the number of tests, and return that number.
+
+    Where motion and settling time are the same in rank they are one test: a move that swings on after the tool stands
+    has one end.
+    """
+    p_values = np.array([np.nan if d.change.p_value is None else d.change.p_value for d in differences], dtype=float)
+    place = {(d.group, d.condition, d.quantity): number for number, d in enumerate(differences)}
+    twins = {
+        number: place[d.group, d.condition, MOTION]
+        for number, d in enumerate(differences)
+        if d.quantity == SETTLING and _is_twin(d, differences[place.get((d.group, d.condition, MOTION), number)])
+    }
+    p_values[list(twins)] = np.nan
+    adjusted = adjust_holm(p_values)
+    for number, twin in twins.items():
+        adjusted[number] = adjusted[twin]
+    held = tuple(
+        d if np.isnan(p) else replace(d, p_holm=float(p), significant=bool(p < LEVEL))
+        for d, p in zip(differences, adjusted, strict=True)
+    )
+    return held, int(np.isfinite(p_values).sum())
+
+
+def _is_twin(settling: Difference, motion: Difference) -> bool:
+    """Tell whether two tests by ranks are one: of the same values."""
+    return (
+        settling.quantity != motion.quantity
+        and settling.change == motion.change
+        and settling.change.test == "mann-whitney"
+    )
+
+
+def _bounds(rows: Sorted) -> dict[str, float]:
+    """Return, by group, how long those moves of the reference that never settled were watched, the shortest."""
+    found = {}
+    for group in rows.groups:
+        part = part_of(rows, group, rows.conditions[0])
+        watched = part.loc[part[MOTION].isna(), "watched_s"].fillna(0.0)
+        if len(watched):
+            found[group] = float(watched.min())
+    return found
 
 
 def _rates(rows: Sorted, wish: Wish) -> Iterator[PickRate]:
@@ -286,7 +351,10 @@ def _require_moves(part: pd.DataFrame, name: str) -> None:
     reasons = [str(text) for text in part["error"] if text]
     if (part["status"] == "failed").all():
         raise InputError(f"condition {name!r}: none of its {len(part)} files can be used; {_first(reasons)}")
-    why = "the tool does not move in them, or the sides of their tags are not known (--tag-size)"
+    why = (
+        "the tool does not move in them or its tag is not seen (--tcp-id), or the sides of their tags are not known "
+        "(--tag-size)"
+    )
     raise NotIdentifiableError(
         f"condition {name!r}: none of its {len(part)} measurements shows a move that can be judged: "
         f"{_first(reasons) if reasons else why}",
@@ -299,7 +367,7 @@ def _first(reasons: Sequence[str]) -> str:
 
 
 def _levels(table: pd.DataFrame, factor: str) -> list[str]:
-    if factor not in table or factor in {*NUMBERS, *TEXTS}:
+    if factor not in table or factor in {*NUMBERS, *TEXTS, CONDITION, GROUP, PLACE}:
         raise InputError(f"there is no factor {factor!r}; {_what_varies(table)}")
     return [_word(value) for value in table[factor]]
 
@@ -307,7 +375,7 @@ def _levels(table: pd.DataFrame, factor: str) -> list[str]:
 def _word(value: object) -> str:
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return ""
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:.15g}" if isinstance(value, float) else str(value)
 
 
 def _what_varies(table: pd.DataFrame) -> str:

@@ -1,26 +1,33 @@
 """What a comparison comes to, as files."""
 
-from collections.abc import Sequence
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from tagsway.criteria import SETTLED
-from tagsway.errors import InputError
+from tagsway.errors import InputError, TagswayError
 from tagsway.files import write_text
 from tagsway.model import Comparison, ConditionCurves
 from tagsway.report.comparison import plot_indicators, plot_moves, write_comparison_figure
 from tagsway.report.comparison_page import render_comparison
 from tagsway.sets.comparing import MoveLoader
-from tagsway.sets.comparison import CONDITION, GROUP, PLACE, QUANTITIES, Sorted, part_of, values_of
+from tagsway.sets.comparison import QUANTITIES, Sorted, part_of, values_of
+from tagsway.sets.ledger import read_kept
 from tagsway.sets.moves import median_move
 from tagsway.sets.output import name_file
-from tagsway.store.comparisons import comparison_document, conditions_table, differences_table
+from tagsway.sets.tables import CONDITION, GROUP, PLACE
+from tagsway.store.comparisons import comparison_document, conditions_table, differences_table, read_comparison
 from tagsway.store.documents import dump
 from tagsway.store.measurements import write_table
 
 TABLES = ("comparison.csv", "conditions.csv", "differences.csv")
 OUTPUTS = (*TABLES, "report.html", "comparison.json")
+FOREIGN = ("result.json", "measurements.csv", "design.json", "simulation.json")
+"""What other commands leave in a folder of their own."""
 
 MOST_LINES = 40
 """Measurements of a condition that are drawn over each other, and their median."""
@@ -40,32 +47,34 @@ def write_comparison(
     moves : sequence of callable
         By the column `place` of the rows.
     out : Path
-        Made where it is missing; figures of an earlier comparison in it are removed.
+        Made where it is missing; figures that an earlier comparison in it names are removed.
     title : str
         Of the page.
     """
     curves = gather_curves(rows, moves)
     figures = out / "figures"
-    for stale in [*figures.glob("moves*.png"), figures / "indicators.png"]:
-        stale.unlink(missing_ok=True)
-    leave = ["key", PLACE, *([] if comparison.within else [GROUP])]
-    table = rows.table.drop(columns=leave)
-    first = [CONDITION, *([GROUP] if comparison.within else [])]
-    write_table(out / TABLES[0], table[[*first, *(name for name in table.columns if name not in first)]])
+    for stale in _earlier_figures(out):
+        (figures / stale).unlink(missing_ok=True)
+    write_table(out / TABLES[0], _rows_table(comparison, rows))
     write_table(out / TABLES[1], conditions_table(comparison))
     write_table(out / TABLES[2], differences_table(comparison))
     for group in comparison.groups:
         own = [curve for curve in curves if curve.group == group and curve.moves]
         if own:
-            name = f"moves-{name_file(group)}.png" if group else "moves.png"
-            write_comparison_figure(plot_moves(own, title=f"{title}, {group}" if group else title), figures / name)
+            name = f"{title}, {group}" if group else title
+            write_comparison_figure(plot_moves(own, title=name), figures / _figure_name(group))
     write_comparison_figure(plot_indicators(curves, over=comparison.within), figures / "indicators.png")
     write_text(out / "report.html", render_comparison(comparison, curves, title=title))
     write_text(out / "comparison.json", dump(comparison_document(comparison)))
 
 
 def check_comparison_outputs(out: Path, inputs: Sequence[Path]) -> None:
-    """Raise an InputError where a comparison would write over one of its inputs, or a folder is in its way."""
+    """Raise an InputError where a comparison would write over an input or other results, or a folder is in its way."""
+    for name in FOREIGN:
+        if (out / name).exists():
+            raise InputError(
+                f"--out {out}: {name} in it is another command's, whose files would be lost; give another folder"
+            )
     for name in OUTPUTS:
         target = out / name
         if target.is_dir():
@@ -73,6 +82,40 @@ def check_comparison_outputs(out: Path, inputs: Sequence[Path]) -> None:
         for path in inputs:
             if target.exists() and path.exists() and target.samefile(path):
                 raise InputError(f"--out {out} would write over the input {path}; give another folder")
+
+
+def _figure_name(group: str) -> str:
+    return f"moves-{name_file(group)}.png" if group else "moves.png"
+
+
+def _earlier_figures(out: Path) -> list[str]:
+    """Return the figures of an earlier comparison in a folder: those that its groups name."""
+    try:
+        earlier = read_comparison(out / "comparison.json")
+    except InputError:
+        return []
+    return ["indicators.png", *(_figure_name(group) for group in earlier.groups)]
+
+
+def _rows_table(comparison: Comparison, rows: Sorted) -> pd.DataFrame:
+    """Return comparison.csv: a row a measurement; a factor that is called as one of our columns stands behind it."""
+    own = {CONDITION: "condition", **({GROUP: "group"} if comparison.within else {})}
+    table = rows.table.drop(columns=["key", PLACE, *({GROUP} - own.keys())])
+    asked = {name: f"{name} (factor)" for name in own.values() if name in table}
+    table = table.rename(columns=asked).rename(columns=own)
+    return table[[*own.values(), *(name for name in table.columns if name not in own.values())]]
+
+
+@contextmanager
+def leaving_nothing(out: Path) -> Iterator[None]:
+    """Remove the folder where what fails within made it and no result is kept in it for the next time."""
+    made = not out.exists()
+    try:
+        yield
+    except TagswayError:
+        if made and not any(read_kept(path) for path in out.glob("results/*/*.jsonl")):
+            shutil.rmtree(out, ignore_errors=True)
+        raise
 
 
 def gather_curves(rows: Sorted, moves: Sequence[MoveLoader]) -> tuple[ConditionCurves, ...]:

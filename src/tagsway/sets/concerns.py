@@ -7,6 +7,7 @@ import pandas as pd
 
 from tagsway.model import Notice
 from tagsway.repeats import reject_by_esd
+from tagsway.sets.tables import CONDITION, GROUP
 
 SAME_TRAVEL = 0.02
 """Share by which the travels of moves that are compared may differ."""
@@ -37,7 +38,7 @@ def find_concerns(table: pd.DataFrame, conditions: Sequence[str], groups: Sequen
     Parameters
     ----------
     table : DataFrame
-        A row a measurement, with `condition` and `group`.
+        A row a measurement, with `CONDITION` and `GROUP`.
     conditions, groups : sequence of str
         In their order; the first condition is the reference.
 
@@ -55,13 +56,14 @@ def find_concerns(table: pd.DataFrame, conditions: Sequence[str], groups: Sequen
         *_several(judged, conditions),
         *_ratio(judged, conditions, groups),
         *_suspects(judged, conditions, groups),
+        *_rejected(judged),
     ]
     return tuple(found)
 
 
 def _missing(table: pd.DataFrame, judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        whole, used = (int((part["condition"] == name).sum()) for part in (table, judged))
+        whole, used = (int((part[CONDITION] == name).sum()) for part in (table, judged))
         if used < whole:
             words = f"{whole - used} of {whole} measurements of {name} show no move that can be judged"
             yield Notice(code="measurements_missing", message=f"{words}: comparison.csv says why")
@@ -83,20 +85,20 @@ def _single(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[st
 
 def _never(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        part = judged[judged["condition"] == name]
+        part = judged[judged[CONDITION] == name]
         unsettled = part["settling_time_s"].isna()
         if unsettled.any():
             watched = part.loc[unsettled, "watched_s"].min()
             message = (
                 f"{int(unsettled.sum())} of {len(part)} measurements of {name} do not settle while they are watched "
-                f"(from {watched:.2f} s on after the start): they count as longer than any that do, by ranks"
+                f"(from {watched:.2f} s on after the start): by ranks they count as longer than any that settled sooner"
             )
             yield Notice(code="never_settles", message=message)
 
 
 def _lost(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        part = judged[judged["condition"] == name]
+        part = judged[judged[CONDITION] == name]
         gone = part["warnings"].astype(str).apply(lambda words: bool(LOST & set(words.split())))
         if gone.any():
             message = f"the grip slipped or was lost in {int(gone.sum())} of {len(part)} measurements of {name}"
@@ -105,7 +107,7 @@ def _lost(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
 
 def _several(judged: pd.DataFrame, conditions: Sequence[str]) -> Iterator[Notice]:
     for name in conditions:
-        part = judged[judged["condition"] == name]
+        part = judged[judged[CONDITION] == name]
         count = int(part["warnings"].astype(str).apply(lambda words: "several_decays" in words.split()).sum())
         if count:
             message = (
@@ -129,7 +131,8 @@ def _unlike(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[st
             "after_s",
             SAME_WATCH,
             "watched_differs",
-            "they were watched for different times after the move: the RMS acceleration is over that time",
+            "they were watched for different times after the move: the RMS acceleration is over that time, and what "
+            "swings up later settles only where it is watched",
             lambda value: f"{value:.2f} s",
         ),
         (
@@ -178,8 +181,15 @@ def _suspects(judged: pd.DataFrame, conditions: Sequence[str], groups: Sequence[
         yield Notice(code="outlier_suspected", message=message)
 
 
+def _rejected(judged: pd.DataFrame) -> Iterator[Notice]:
+    files = judged.loc[judged["rejected_by"] != "", "file"].astype(str).tolist()
+    if files:
+        message = f"rejected in their set for their frequency or damping, and compared all the same: {_list(files)}"
+        yield Notice(code="rejected_in_set", message=message)
+
+
 def _part(table: pd.DataFrame, group: str, condition: str) -> pd.DataFrame:
-    return table[(table["group"] == group) & (table["condition"] == condition)]
+    return table[(table[GROUP] == group) & (table[CONDITION] == condition)]
 
 
 def _name(condition: str, group: str) -> str:

@@ -1,12 +1,13 @@
 """What is compared with what: from the words of a command to the files of each condition."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tagsway.errors import InputError
-from tagsway.sets.manifest import ATTEMPTS, FILMS, TRACKS, Item, find_set
+from tagsway.sets.manifest import ATTEMPTS, FILMS, TRACKS, Item, as_text, find_set
 from tagsway.sets.options import make_settings
 from tagsway.sets.output import MEASUREMENTS
 from tagsway.sets.remote import is_url
@@ -75,7 +76,7 @@ def read_conditions(words: Sequence[str]) -> tuple[Condition, ...]:
     last: str | None = None
     for word in words:
         name, sign, path = word.partition("=")
-        if not sign or Path(word).exists() or is_url(name):
+        if not sign or _exists(word) or is_url(name):
             (bare if last is None else named[last]).append(word)
             continue
         if not (name.strip() and path.strip()):
@@ -92,7 +93,7 @@ def read_conditions(words: Sequence[str]) -> tuple[Condition, ...]:
         named[name] = [word]
     if len(named) < 2:
         raise InputError(f"there is one condition, {next(iter(named), '')!r}: a comparison needs two; name another")
-    return tuple(Condition(name=name, paths=tuple(paths)) for name, paths in named.items())
+    return tuple(Condition(name=as_text(name), paths=tuple(paths)) for name, paths in named.items())
 
 
 def find_sources(
@@ -170,6 +171,11 @@ def is_measured_set(path: Path) -> bool:
     return path.is_dir() and (path / ATTEMPTS).exists() and (path / MEASUREMENTS).exists()
 
 
+def _exists(word: str) -> bool:
+    """Tell whether a word is a file; one that is too long for a name is none."""
+    return os.path.exists(word)  # noqa: PTH110 - Path.exists raises there
+
+
 def _name_of(path: Path) -> str:
     whole = path.resolve()
     name = whole.parent.name if whole.name == RESULT else whole.name if whole.is_dir() else whole.stem
@@ -181,13 +187,18 @@ def _expand(text: str, condition: str | None) -> list[str]:
     if is_url(text):
         return [text]
     path = str(Path(text).expanduser())
-    if Path(path).exists() or "%" in Path(path).name:
+    if _exists(path) or "%" in Path(path).name:
         return [path]
     where = "" if condition is None else f" of condition {condition!r}"
     if not any(sign in path for sign in "*?["):
         raise InputError(f"{text}{where}: no such file; give a video, a track, a result, a set, or a pattern of them")
     anchor = Path(path).anchor
-    matches = sorted(Path(anchor or ".").glob(str(Path(path).relative_to(anchor))))
+    try:
+        matches = sorted(Path(anchor or ".").glob(str(Path(path).relative_to(anchor))))
+    except (ValueError, OSError) as fault:
+        raise InputError(
+            f"{text!r}{where} is no pattern of files: {str(fault).lower()}; such as 'before/*.mp4'"
+        ) from None
     found = [str(match) for match in matches if _is_meant(match)]
     if not found:
         raise InputError(f"{text!r}{where} matches nothing that can be measured or was")
@@ -215,15 +226,15 @@ def _items_of(path: Path, condition: str | None, stated: Mapping[str, Any], leav
         found = find_set(path, leave_out=leave_out, stated=stated, may_be_empty=path.is_dir())
         if found.items or path.suffix.lower() == ".toml":
             folder = path if path.is_dir() else path.parent
-            return [replace(item, name=(folder / item.name).as_posix()) for item in found.items]
-    return [_item(path.as_posix(), condition, stated)]
+            return [replace(item, name=as_text(folder / item.name)) for item in found.items]
+    return [_item(str(path), condition, stated)]
 
 
 def _item(path: str, condition: str | None, stated: Mapping[str, Any]) -> Item:
     return Item(
-        name=path,
+        name=path if is_url(path) else as_text(Path(path)),
         path=path if is_url(path) else str(Path(path).resolve()),
-        subset=condition or "",
+        subset=as_text(condition or ""),
         factors=(),
         settings=make_settings(stated, origin="the options"),
         picks=bool(stated.get("picks", False)),

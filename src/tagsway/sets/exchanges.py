@@ -1,6 +1,7 @@
 """What a faster, shaped move can take the place of: the question of document 1's section 8.2."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import inf
 
 from tagsway.model import ConditionSummary, Exchange
 
@@ -8,7 +9,11 @@ MOTION, OVERSHOOT, LOAD = "motion_time_s", "overshoot_percent", "max_pcp_acceler
 
 
 def find_exchanges(
-    summaries: Sequence[ConditionSummary], conditions: Sequence[str], groups: Sequence[str]
+    summaries: Sequence[ConditionSummary],
+    conditions: Sequence[str],
+    groups: Sequence[str],
+    *,
+    bounds_s: Mapping[str, float],
 ) -> tuple[Exchange, ...]:
     """Find, for the reference in each group, the quickest of each other condition that overshoots no more.
 
@@ -18,6 +23,9 @@ def find_exchanges(
         Of all groups.
     conditions, groups : sequence of str
         The first condition is the reference.
+    bounds_s : mapping of float
+        By group: for how long moves of the reference that never settled were watched; what takes longer is not known
+        to be no slower.
 
     Returns
     -------
@@ -37,6 +45,7 @@ def find_exchanges(
         slow, swing, load = before[MOTION], before[OVERSHOOT], before[LOAD]
         if swing is None:
             continue
+        longest = min(inf if slow is None else slow, bounds_s.get(place, inf))
         for condition in conditions[1:]:
             able = [
                 (motion, group, overshoot)
@@ -44,7 +53,7 @@ def find_exchanges(
                 if (motion := median(group, condition, MOTION)) is not None
                 and (overshoot := median(group, condition, OVERSHOOT)) is not None
                 and overshoot <= swing
-                and (slow is None or motion <= slow)
+                and motion <= longest
             ]
             if not able:
                 continue

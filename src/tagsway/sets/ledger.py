@@ -75,6 +75,11 @@ class Ledger:
             return None
         return result_key(known[1], self.settings_digest(item))
 
+    def content_of(self, item: Item) -> str | None:
+        """Return the digest of an item's file as it was when it was last measured; None where it never was."""
+        known = self._digests.get(item.name)
+        return None if known is None else known[1]
+
     def rows(self, item: Item) -> list[dict[str, Any]]:
         """Return what is known of an item: a row for each of its measurements, or none where it was not tried yet."""
         if item.name in self._failures:
@@ -170,6 +175,12 @@ def open_ledger(out: Path) -> Iterator[Ledger]:
             yield ledger
         finally:
             lock.truncate(0)
+
+
+def read_digests(out: Path) -> dict[str, str]:
+    """Return the digest of each file of a measured set, by its name; empty where none is kept."""
+    entries = [entry for entry in _read_lines(out / DIGESTS) if {"file", "sha256"} <= entry.keys()]
+    return {entry["file"]: entry["sha256"] for entry in entries}
 
 
 def read_kept(path: Path) -> list[dict[str, Any]]:

@@ -196,7 +196,7 @@ class _Finder:
         self, file: Path | str, *, subset: str, stated: Mapping[str, Any], factors: Mapping[str, Factor], origin: str
     ) -> Item:
         if isinstance(file, Path):
-            name = _as_text(file.relative_to(self.root))
+            name = as_text(file.relative_to(self.root))
             stated = {**self._beneath, **self._inherit(file.parent), **stated}
         else:
             name = file
@@ -315,13 +315,17 @@ def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor]
 def _subset_of(file: Path | str, root: Path) -> str:
     if isinstance(file, str):
         return file.rpartition("/")[0]
-    where = _as_text(file.parent.relative_to(root))
-    return _as_text(Path(root.name)) if where == "." else where
+    where = as_text(file.parent.relative_to(root))
+    return as_text(Path(root.name)) if where == "." else where
 
 
-def _as_text(path: Path) -> str:
+def as_text(path: Path | str) -> str:
     """Return a path with forward slashes; bytes in it that are no text as \\xff, since tables hold text."""
-    return path.as_posix().encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    return (
+        (path if isinstance(path, str) else path.as_posix())
+        .encode("utf-8", "surrogateescape")
+        .decode("utf-8", "backslashreplace")
+    )
 
 
 def _manifest_rows(path: Path) -> list[dict[str, str]] | None:

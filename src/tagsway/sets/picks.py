@@ -12,6 +12,7 @@ from tagsway.filters.moves import find_moves
 from tagsway.model import CleanTagTrack, CleanTrack, Settings, TagTrack, Track, Window
 from tagsway.pipeline import Measurement, identify
 from tagsway.pipeline.recording import Recording, read_recording
+from tagsway.sets.manifest import as_text
 from tagsway.store.steps import StepStore
 from tagsway.store.tracks import write_track
 
@@ -91,7 +92,7 @@ def _identify_pick(
             inside = identify(path, replace(own, window=stretch))
             measured = measured if inside.not_determined is not None else inside
         reason = measured.not_determined
-    source = replace(measured.result.source, file=file.name, sha256=recording.sha256, settings=settings)
+    source = replace(measured.result.source, file=as_text(file.name), sha256=recording.sha256, settings=settings)
     result = replace(
         measured.result,
         source=source,

@@ -1,6 +1,7 @@
 """What a design or a simulation promised of a condition, against what was measured."""
 
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tagsway.errors import InputError
-from tagsway.model import Promise
+from tagsway.model import Notice, Promise
 from tagsway.repeats import share_interval
 from tagsway.sets.comparison import PLAIN, Sorted, part_of, values_of
 from tagsway.store.designs import DESIGN_SCHEMA
@@ -81,14 +82,19 @@ def read_promises(texts: Sequence[str]) -> tuple[Document, ...]:
     found = []
     for text in texts:
         name, sign, named = text.partition("=")
-        whole = not sign or Path(text).exists()
+        whole = not sign or os.path.exists(text)  # noqa: PTH110 - Path.exists raises for a name too long
         path = _file(Path(text if whole else named))
         condition = None if whole else name
-        found.append(Document(text=text, condition=condition, source=path.name, said=tuple(_read(path))))
+        said = tuple(_read(path))
+        if not all(np.isfinite([number for one in said for number in (one.value, one.acceleration_m_s2)])):
+            raise InputError(f"{path} holds a number that is not finite, where a time or a limit is to be")
+        found.append(Document(text=text, condition=condition, source=path.name, said=said))
     return tuple(found)
 
 
-def judge_promises(documents: Sequence[Document], rows: Sorted, *, within: str | None) -> tuple[Promise, ...]:
+def judge_promises(
+    documents: Sequence[Document], rows: Sorted, *, within: str | None
+) -> tuple[tuple[Promise, ...], tuple[Notice, ...]]:
     """Hold what was promised against what was measured.
 
     Parameters
@@ -102,7 +108,9 @@ def judge_promises(documents: Sequence[Document], rows: Sorted, *, within: str |
 
     Returns
     -------
-    tuple of Promise
+    promises : tuple of Promise
+    notices : tuple of Notice
+        What they do not tell.
 
     Raises
     ------
@@ -110,34 +118,57 @@ def judge_promises(documents: Sequence[Document], rows: Sorted, *, within: str |
         Where one says nothing that was measured, or of no condition that there is.
     """
     found: list[Promise] = []
+    notices: list[Notice] = []
     for document in documents:
         name = document.condition
         if name is not None and name not in rows.conditions:
             raise InputError(
                 f"--design {document.text}: there is no condition {name!r}, but {', '.join(rows.conditions)}"
             )
-        new = list(_judge(document.said, name, rows, source=document.source, within=within))
+        _require_one_acceleration(document, rows, within)
+        told: list[Notice] = []
+        new = list(_judge(document, rows, within=within, told=told))
+        notices += told
         if not new:
             raise InputError(
-                f"--design {document.text}: it says nothing of a condition that was measured; name the condition, as "
+                f"--design {document.text}: it says nothing of a condition that was measured, but of "
+                f"{', '.join(dict.fromkeys(one.shaping for one in document.said)) or 'none'}; name the condition, as "
                 f"in --design {rows.conditions[-1]}=PATH"
             )
         found += new
-    return tuple(found)
+    return tuple(found), tuple(dict.fromkeys(notices))
 
 
-def _judge(
-    said: Sequence[_Said], name: str | None, rows: Sorted, *, source: str, within: str | None
-) -> Iterator[Promise]:
-    shaping_of = _match(sorted({one.shaping for one in said}), name, rows.conditions)
+def _require_one_acceleration(document: Document, rows: Sorted, within: str | None) -> None:
+    """Refuse several promises for one measured move: nothing says which of them is meant."""
+    if within == ACCELERATION:
+        return
+    shaping_of = _match(sorted({one.shaping for one in document.said}), document.condition, rows.conditions)
+    for shaping in shaping_of.values():
+        several = {one.acceleration_m_s2 for one in document.said if one.shaping == shaping}
+        if len(several) > 1:
+            raise InputError(
+                f"--design {document.text}: it tells of {len(several)} accelerations of {shaping}, "
+                f"{min(several):g} to {max(several):g} m/s², and only --within {ACCELERATION} tells which of them was "
+                "run; or give the simulation of the one that was"
+            )
+
+
+def _judge(document: Document, rows: Sorted, *, within: str | None, told: list[Notice]) -> Iterator[Promise]:
+    said, source = document.said, document.source
+    shaping_of = _match(sorted({one.shaping for one in said}), document.condition, rows.conditions)
     for group in rows.groups:
         for condition in rows.conditions:
             for one in said:
                 elsewhere = within == ACCELERATION and not _is_near(one.acceleration_m_s2, group)
                 if shaping_of.get(condition) != one.shaping or elsewhere:
                     continue
-                values = values_of(part_of(rows, group, condition), one.quantity)
-                values = values[~np.isnan(values)]
+                part = part_of(rows, group, condition)
+                values = values_of(part, one.quantity)
+                open_end = np.isinf(values) & ~(part["watched_s"].to_numpy(dtype=float) >= one.value)
+                if open_end.any():
+                    told.append(_tell_open(one, condition, int(open_end.sum())))
+                values = values[~np.isnan(values) & ~open_end]
                 if len(values):
                     yield _promise(one, group, condition, source, values)
 
@@ -165,11 +196,21 @@ def _promise(one: _Said, group: str, condition: str, source: str, values: np.nda
     )
 
 
+def _tell_open(one: _Said, condition: str, count: int) -> Notice:
+    message = (
+        f"{count} measurements of {condition} do not settle and were watched for less than the {one.value:.3g} s that "
+        "were promised: whether they keep it is not known, and they do not count"
+    )
+    return Notice(code="promise_unwatched", message=message)
+
+
 def _match(shapings: Sequence[str], name: str | None, conditions: Sequence[str]) -> dict[str, str]:
     """Return how each condition is shaped, where that is said: by its name, or because nothing else is left."""
     asked = conditions if name is None else (name,)
     found = {condition: shaping for condition in asked for shaping in shapings if _alike(shaping, condition)}
-    lone = conditions[1] if name is None and len(conditions) == 2 else name
+    lone = name
+    if name is None and len(conditions) == 2 and not _alike("unshaped", conditions[1]):
+        lone = conditions[1]
     if lone is not None and lone not in found:
         shaped = [shaping for shaping in shapings if shaping != "unshaped"]
         left = [s for s in shaped or (shapings if name is not None else []) if s not in found.values()]
@@ -194,7 +235,7 @@ def _file(path: Path) -> Path:
 
 def _read(path: Path) -> Iterator[_Said]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
         schema = document["schema"]
         if schema == DESIGN_SCHEMA:
             yield from _read_design(document)
@@ -208,6 +249,10 @@ def _read(path: Path) -> Iterator[_Said]:
         raise InputError(f"--design {path}: {(fault.strerror or 'cannot be read').lower()}") from None
     except (ValueError, KeyError, TypeError) as fault:
         raise InputError(f"{path} is no design.json and no simulation.json ({fault})") from None
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"it holds {name}, where a number is to be")
 
 
 def _read_design(document: Mapping[str, Any]) -> Iterator[_Said]:
@@ -224,6 +269,7 @@ def _read_design(document: Mapping[str, Any]) -> Iterator[_Said]:
     yield planned
     for quantity, limit in (
         ("place_error_mm", limits["placement_window_mm"]),
+        ("box_error_mm", limits.get("box_error_mm")),
         ("max_pcp_acceleration_m_s2", limits["pcp_acceleration_m_s2"]),
     ):
         if limit is not None and np.isfinite(limit):

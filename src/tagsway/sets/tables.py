@@ -22,6 +22,9 @@ from tagsway.sets.manifest import Item
 from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
 
 FIRST = ("file", "pick", "subset")
+CONDITION, GROUP, PLACE = "(condition)", "(group)", "(place)"
+"""Columns that a comparison adds; factors have no such names."""
+
 COPY = "copy of "
 """What `rejected_by` says of a file that holds what another holds, before the other's name."""
 

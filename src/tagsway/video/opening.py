@@ -53,10 +53,13 @@ def is_pattern(path: Path) -> bool:
 
 
 def name_film(path: Path) -> str:
-    """Return what to call the film in a heading: the file's name, with its folder's where it is a pattern."""
-    if is_pattern(path):
-        return f"{path.resolve().parent.name}/{path.name}"
-    return path.resolve().name or "images"
+    """Return what to call the film in a heading: the file's name, with its folder's where it is a pattern.
+
+    Bytes in it that are no text stand as \\xff: documents and pages hold text.
+    """
+    whole = path.resolve()
+    name = f"{whole.parent.name}/{path.name}" if is_pattern(path) else whole.name or "images"
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def name_results(path: Path) -> str:
