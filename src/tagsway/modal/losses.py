@@ -23,7 +23,7 @@ DRAG_KINDS: tuple[tuple[float, float], ...] = ((1.0, 1.0),)
 """Width of a prior, over the one above, and its odds: air is everywhere."""
 
 FRICTION_KINDS: tuple[tuple[float, float], ...] = ((1.0, 0.05), (0.1, 0.1))
-"""The same: a payload on a sucker or a rope seldom has something that truly rubs; a tenth of that is twice as likely."""
+"""The same: a payload on a sucker or a rope seldom has what truly rubs; a tenth of that is twice as likely."""
 
 COVERED = 0.95
 """Of what is likely, in an interval."""
