@@ -19,7 +19,7 @@ from pendulum_scenes import (
     with_tcp,
 )
 from tagsway.errors import InputError
-from tagsway.model import Estimate, FloatArray, Pendulum, Track, Window
+from tagsway.model import Estimate, FloatArray, Pendulum, TagTrack, Track, Window
 from tagsway.pendulum import PendulumFit, fit_pendulum
 
 SCENES = {
@@ -321,9 +321,10 @@ def test_stated_errors_are_true_when_the_camera_errs_by_its_priors() -> None:
                 deviation(found.damping_over_inertia_rad_s, FLEXIBLE.damping_over_inertia_rad_s),
             ]
         )
-    # statistics: the root mean square of 20 standard normal numbers lies in 0.57 .. 1.45 with 99.8 %
+    # statistics: the root mean square of 20 standard normal numbers lies in 0.57 .. 1.45 with 99.8 %; the error of b/J
+    # is 1.23 times as large as it need be here, since it holds a light body that would leave no trace
     spread = np.sqrt(np.mean(np.square(scores), axis=0))
-    assert np.all((spread > 0.57) & (spread < 1.45)), spread
+    assert np.all((spread > np.array([0.57, 0.57, 0.57, 0.57 / 1.23])) & (spread < 1.45)), spread
 
 
 def test_r_differs_from_l_only_where_the_pendulum_does() -> None:
@@ -332,3 +333,15 @@ def test_r_differs_from_l_only_where_the_pendulum_does() -> None:
     )
     found = fit(record(near, pick_and_place(4.0), seed=12)).estimate
     assert found.point_mass is False
+
+
+def test_a_wrong_size_of_the_tags_is_named_by_the_motion_itself(flexible: Recording) -> None:
+    def too_large(tag: TagTrack) -> TagTrack:
+        return replace(tag, position=1.2 * tag.position, position_std=1.2 * tag.position_std)
+
+    track = flexible.track
+    assert track.tcp is not None
+    found = fit(flexible, track=replace(track, tcp=too_large(track.tcp), pcp=too_large(track.pcp)))
+    notices = {notice.code: notice.message for notice in found.notices}
+    # statistics: the motion tells the scale within 1 %
+    assert "0.83 times as large" in notices["pendulum_unmodelled"]

@@ -1,7 +1,8 @@
 """The losses of a payload that are too small to be seen, and too large to be left out of the errors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import product
 
 import numpy as np
 from scipy.optimize import brentq
@@ -18,8 +19,11 @@ DRAG_STD_PER_RAD = 0.05
 DEAD_BAND_STD_RAD = 0.002
 """Dry friction over the stiffness: a payload comes to rest within a tenth of a degree of where it hangs."""
 
-FRICTION_ODDS = 0.05
-"""Of dry friction, beforehand: air is everywhere, but a payload on a sucker or a rope has seldom anything that rubs."""
+DRAG_KINDS: tuple[tuple[float, float], ...] = ((1.0, 1.0),)
+"""Width of a prior, over the one above, and its odds: air is everywhere."""
+
+FRICTION_KINDS: tuple[tuple[float, float], ...] = ((1.0, 0.05), (0.1, 0.1))
+"""The same: a payload on a sucker or a rope seldom has what truly rubs; a tenth of that is twice as likely."""
 
 COVERED = 0.95
 """Of what is likely, in an interval."""
@@ -102,8 +106,8 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
     friction whose parts of the damping fall and rise with the amplitude. Fitted without them, ζ for a small swing
     is off by many times its error; fitted with them, ζ is needlessly unsure of a payload that has none. So each set of
     losses V that are not fitted, the empty one too, is held to be as likely beforehand (friction by its odds),
-    each loss half-normal of width s, and weighed by what the data say [1]_: with û and its precision P where all are
-    free,
+    each loss half-normal of width s, friction of one of two, and weighed by what the data say [1]_: with û and its
+    precision P where all are free,
 
         Z_V / Z_0 = |1 + S P_VV|^-1/2 exp(½ bᵀ (P_VV + S⁻¹)⁻¹ b) ∏ 2 Φ(m_i / σ_i),      b = P_V û
 
@@ -130,8 +134,8 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
     }
     std = np.array([width[place] for place in absent])
-    odds = np.array([FRICTION_ODDS if place == FRICTION else 1.0 for place in absent])
-    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std), odds)
+    kinds = [FRICTION_KINDS if place == FRICTION else DRAG_KINDS for place in absent]
+    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std), kinds)
     weight = float(np.sum(weights))
     mean = weights @ means / weight
     away = means - mean
@@ -179,7 +183,7 @@ def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softeni
 
 
 def _weigh_sets(
-    value: FloatArray, covariance: FloatArray, odds: FloatArray
+    value: FloatArray, covariance: FloatArray, kinds: Sequence[tuple[tuple[float, float], ...]]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return weight, mean and covariance of each set of losses but the empty one, whose weight is the rest.
 
@@ -189,20 +193,24 @@ def _weigh_sets(
         Of the losses, where all are free, over the widths of their priors.
     covariance : ndarray, shape (k, k)
         Of these.
-    odds : ndarray, shape (k,)
-        Of each loss, beforehand.
+    kinds : k tuples
+        Of each loss, the priors that it may have: width, and odds beforehand. A set takes one of each of its losses.
     """
     precision = np.linalg.pinv(covariance, hermitian=True)
     pull, size = precision @ value, len(value)
     log_odds, means, spreads = [], [], []
-    for chosen in (list(c) for k in range(size) for c in combinations(range(size), k + 1)):
+    for picked in product(*[(None, *of_loss) for of_loss in kinds]):
+        chosen = [k for k, kind in enumerate(picked) if kind is not None]
+        if not chosen:
+            continue
+        width, odds = np.array([kind for kind in picked if kind is not None]).T
         block = np.ix_(chosen, chosen)
-        left = np.linalg.inv(precision[block] + np.eye(len(chosen)))
+        left = np.linalg.inv(precision[block] + np.diag(width**-2.0))
         mean, spread = np.zeros(size), np.zeros((size, size))
         mean[chosen], spread[block] = left @ pull[chosen], left
         fits = 0.5 * float(pull[chosen] @ mean[chosen] + np.linalg.slogdet(left)[1])
         signs = float(np.sum(np.log(2) + log_ndtr(mean[chosen] / np.sqrt(np.diag(left)))))
-        log_odds.append(min(fits + signs + float(np.sum(np.log(odds[chosen]))), MOST_EVIDENCE))
+        log_odds.append(min(fits + signs + float(np.sum(np.log(odds / width))), MOST_EVIDENCE))
         means.append(mean)
         spreads.append(spread)
     posterior = np.exp(log_odds)

@@ -26,7 +26,7 @@ from tagsway.model import (
 from tagsway.pendulum.arc import LARGEST_RADIUS_STD, MOST_SAMPLES, Arc, fit_arc
 from tagsway.pendulum.assumed import believe
 from tagsway.pendulum.checks import compare_with_mode
-from tagsway.pendulum.fit import Solution, fit_record
+from tagsway.pendulum.fit import LARGEST_EXCESS, Solution, fit_record
 from tagsway.pendulum.model import (
     Unknown,
     angular_frequency,
@@ -41,7 +41,7 @@ from tagsway.pendulum.point_mass import fit_positions
 from tagsway.pendulum.record import FALLBACK_STD_M, Record, choose_record, fit_turn, part_of
 from tagsway.pendulum.ridge import Ridge
 from tagsway.pendulum.start import find_arc, find_starts
-from tagsway.pendulum.verdict import LARGEST_EXCESS, describe, is_point_mass, judge, not_determined
+from tagsway.pendulum.verdict import describe, is_point_mass, judge, not_determined
 
 LEAST_SWAY_OVER_NOISE = 10.0
 """A payload that sways less than this many times its tags' noise shows no pendulum."""

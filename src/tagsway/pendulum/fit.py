@@ -23,6 +23,12 @@ LEAST_GAIN = 12.0
 MOST_STEPS, ROUGH, FINE = 60, 0.1, 1e-3
 """Of a search, and the gain in χ² at which it ends: a tenth is a third of a standard error."""
 
+LARGEST_EXCESS = 2.0
+"""Mean square of the whitened residuals that still counts as explained; a right model leaves 0.3 to 1."""
+
+WRONG_SIZE_STD, LEAST_WRONG_SIZE = 0.3, 0.05
+"""Of a tag whose stated size is another's, or with its margin; and how wrong it must be to be told from a spring."""
+
 SPIKE_STD = 6.0
 """Beyond this many of a channel's own deviations a sample is a false detection."""
 
@@ -56,6 +62,9 @@ class Solution:
         Share of the samples of the sway that were taken for spikes.
     alone : float
         The excess before anything unmodelled was allowed for: of one pendulum alone.
+    tag_ratio : float
+        How large the tags would have to be, over what was stated, for one pendulum to explain what is left after all;
+        1 where it does, or where no size would.
     """
 
     parameters: FloatArray
@@ -70,6 +79,7 @@ class Solution:
     largest_pull: float
     left_out: float
     alone: float
+    tag_ratio: float
 
     @property
     def rubbed(self) -> bool:
@@ -165,12 +175,28 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
         problem = rubbed
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     alone = _excess(problem, parameters)
+    ratio = _find_tag_ratio(problem, parameters) if alone > LARGEST_EXCESS else 1.0
     ways = find_ways(problem, parameters)
     sizes = find_sizes(problem, parameters, ways)
     if any(sizes):
         problem = problem.but(shared=share_errors(problem, ways, sizes))
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
-    return problem, _solve(problem, parameters, alone=alone)
+    return problem, _solve(problem, parameters, alone=alone, tag_ratio=ratio)
+
+
+def _find_tag_ratio(problem: Problem, parameters: FloatArray) -> float:
+    """Return how much larger tags would leave no more than noise; 1 where none would.
+
+    Gravity is known, so lengths are told by the move's lift and the swing, though far less well than by the tags.
+    """
+    rows = problem.rows.copy()
+    of_scale = rows[:, Unknown.SCALE] > 0
+    rows[of_scale, Unknown.SCALE] = 1 / WRONG_SIZE_STD
+    freed = problem.but(rows=rows)
+    parameters, _ = search(freed, parameters, steps=MOST_STEPS, tolerance=ROUGH, loss="linear")
+    scale = float(parameters[Unknown.SCALE])
+    explained = _excess(freed, parameters) <= LARGEST_EXCESS and abs(scale) > LEAST_WRONG_SIZE
+    return 1 / (1 + scale) if explained else 1.0
 
 
 def _excess(problem: Problem, parameters: FloatArray) -> float:
@@ -201,7 +227,7 @@ def _judge_noise(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, 
     return std, seen
 
 
-def _solve(problem: Problem, parameters: FloatArray, *, alone: float) -> Solution:
+def _solve(problem: Problem, parameters: FloatArray, *, alone: float, tag_ratio: float) -> Solution:
     """Return the solution at the second fit's minimum."""
     record, rows = problem.record, len(problem.rows)
     residual, jacobian = problem.linearise(parameters)
@@ -227,6 +253,7 @@ def _solve(problem: Problem, parameters: FloatArray, *, alone: float) -> Solutio
         max_m=float(np.max(distance)),
         largest_pull=float(np.max(np.abs(residual[-rows:]))),
         alone=alone,
+        tag_ratio=tag_ratio,
         left_out=1 - np.count_nonzero(both) / np.count_nonzero(np.all(np.isfinite(record.sway_m), axis=1)),
     )
 

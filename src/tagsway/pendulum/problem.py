@@ -67,11 +67,13 @@ class Problem:
         self.logarithms = self.free <= Unknown.LOG_RADIUS
         self.rubs = rubbed
 
-    def but(self, *, shared: SharedErrors | None = None, rubbed: bool | None = None) -> "Problem":
-        """Return the same problem with other shared errors, or with dry friction free."""
+    def but(
+        self, *, rows: FloatArray | None = None, shared: SharedErrors | None = None, rubbed: bool | None = None
+    ) -> "Problem":
+        """Return the same problem with other priors or shared errors, or with dry friction free."""
         return Problem(
             self.record,
-            (self.rows, self.target),
+            (self.rows if rows is None else rows, self.target),
             self.std,
             self.seen,
             shared=self.shared if shared is None else shared,

@@ -9,7 +9,7 @@ import numpy as np
 from tagsway.model import GRAVITY_M_S2, Estimate, FloatArray, Notice, PendulumEstimate, Prior
 from tagsway.model.estimate import NORMAL_95
 from tagsway.pendulum.assumed import STATED
-from tagsway.pendulum.fit import Solution
+from tagsway.pendulum.fit import LARGEST_EXCESS, Solution
 from tagsway.pendulum.model import length_m, stiffness_over_inertia, tag_radius_m
 from tagsway.pendulum.record import Record
 from tagsway.pendulum.ridge import Ridge
@@ -28,12 +28,6 @@ INDICATIVE_RELEASE_RAD = 0.5
 
 LARGEST_NOISE_M = 1.2e-4
 """Noise of one tag: a claim holds to 0.1 mm, and the noise itself is known to a tenth or two."""
-
-LARGEST_EXCESS = 2.0
-"""Mean square of the whitened residuals, what is not modelled among the errors; beyond, even that does not hold it.
-
-A right model leaves 0.3 to 1. Of one pendulum alone, before anything else is allowed for, it is worth a notice.
-"""
 
 MOST_LEFT_OUT = 0.1
 """Share of samples that may be spikes; where more lie off the fitted motion, it is not the payload's."""
@@ -171,14 +165,8 @@ def describe(verdict: Verdict, estimate: PendulumEstimate, solution: Solution) -
         )
     elif verdict.kind == "indicative":
         notices.append(Notice(code="pendulum_indicative", message=verdict.reason))
-    if verdict.kind != "refuse" and solution.alone > LARGEST_EXCESS:
-        notices.append(
-            Notice(
-                code="pendulum_unmodelled",
-                message=f"one pendulum leaves {math.sqrt(solution.alone):.1f} times what noise explains: a second "
-                "body, a spring that stiffens, a slip or a sway towards the camera takes part; the errors hold it",
-            )
-        )
+    if solution.alone > LARGEST_EXCESS and (verdict.kind != "refuse" or solution.tag_ratio != 1):
+        notices.append(_unmodelled(solution))
     if estimate.point_mass is False and estimate.stiffness_n_m_per_rad is not None:
         notices.append(
             Notice(
@@ -200,6 +188,21 @@ def describe(verdict: Verdict, estimate: PendulumEstimate, solution: Solution) -
             )
         )
     return tuple(notices)
+
+
+def _unmodelled(solution: Solution) -> Notice:
+    left = f"one pendulum leaves {math.sqrt(solution.alone):.1f} times what noise explains"
+    if solution.tag_ratio != 1:
+        cause = (
+            f", but not were the tags {solution.tag_ratio:.2f} times as large as stated: measure the side of their "
+            "black squares, and check --tag-size; every length is as wrong"
+        )
+    else:
+        cause = (
+            ": a second body, a spring that stiffens, a slip or a sway towards the camera takes part; "
+            "the errors hold it"
+        )
+    return Notice(code="pendulum_unmodelled", message=left + cause)
 
 
 def not_determined(reason: str) -> Notice:
