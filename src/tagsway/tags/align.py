@@ -27,8 +27,7 @@ _RESTING_TRAVEL_PX = 0.3
 _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
 _BLOCKS_EVERY = 8  # frames, after that
-_ODD_VARIANCE = 1.5  # times the usual, or so much more as a codec's own ups and downs do not explain
-_ODD_SPREADS = 4.0
+_ODD_VARIANCE = 1.5
 _COMPRESSED_LOG_RATIO = 0.1  # raw images stay below; then the scatter in time counts as well ...
 _MOST_SCATTER = (0.1**2, 0.1**2, math.inf)  # ... up to what a codec that moves blocks by quarters of a pixel may add
 
@@ -67,7 +66,7 @@ class Aligner:
         self._log_ratio = [0.0, 0.0, 0.0]
         self._scatter = Scatter()
         self._shifts_px2 = 0.0
-        self._variance = self._spread = 0.0
+        self._variance = 0.0
         self._measured = 0
 
     def align(
@@ -211,7 +210,7 @@ class Aligner:
             depth = float(predicted[2, 2])
             right, down = float(h[0, 2] - predicted[0, 2] / depth), float(h[1, 2] - predicted[1, 2] / depth)
             turn = math.remainder(_measure_angle(h) - _measure_angle(predicted), 2 * math.pi)
-            self._scatter.add((right, down, turn), variances)
+            self._scatter.add(np.array([right, down, turn]), np.array(variances))
         (xx, yy, turned), factor = self._inflate(variances)
         return Sighting(
             homography=h,
@@ -228,7 +227,7 @@ class Aligner:
         self._shifts_px2 = 0.0
         if not self._log_ratio[0] + self._log_ratio[1] > 2 * _COMPRESSED_LOG_RATIO:
             return variances, 1.0
-        scatter = [min(part, most) for part, most in zip(self._scatter.variance, _MOST_SCATTER, strict=True)]
+        scatter = [min(part, most) for part, most in zip(self._scatter.variance.tolist(), _MOST_SCATTER, strict=True)]
         self._shifts_px2 = scatter[0]
         factors = [max(part / stated, 1.0) for part, stated in zip(scatter, variances, strict=True)]
         inflated = [part * factor for part, factor in zip(variances, factors, strict=True)]
@@ -239,8 +238,7 @@ class Aligner:
 
     def _is_odd(self, refined: Refinement) -> bool:
         """Tell whether the image differs from the pattern by more than it usually does: its noise is then no one's."""
-        usual = max(_ODD_VARIANCE * self._variance, self._variance + _ODD_SPREADS * self._spread)
-        return refined.sandwich is None and refined.variance > usual
+        return refined.sandwich is None and refined.variance > _ODD_VARIANCE * self._variance
 
     def _steady(self, refined: Refinement) -> tuple[list[float], float]:
         """Return variances, and the covariance of x and y: the plain ones, scaled by the running ratio of the former.
@@ -250,9 +248,7 @@ class Aligner:
         """
         self._measured += 1
         weight = 1 / min(self._measured, _MEMORY)
-        more = refined.variance - self._variance
-        self._variance += more * weight
-        self._spread += (abs(more) - self._spread) * weight
+        self._variance += (refined.variance - self._variance) * weight
         log_factor = self._log_ratio
         if refined.sandwich is not None:
             pairs = zip(refined.sandwich.tolist(), refined.plain[:3], strict=True)

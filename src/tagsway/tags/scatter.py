@@ -1,15 +1,23 @@
 """How far measured places scatter in time, which is what a codec's shifts of whole blocks show in alone."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
+from tagsway.model import FloatArray
+
 _MEMORY = 32  # frames
 _ORDERS = 4  # of further differences: what moves fast at few frames a second is gone in the highest
-# What the square of each further difference of an innovation is worth, where the places are white noise.
-_SHARES = [1 / math.comb(2 * further + 6, further + 3) for further in range(_ORDERS)]
-_AT_ONCE = 8  # frames
+# Each row makes a further difference of the last innovations, of the variance of one place where they are white noise.
+_DIFFERENCES = np.array(
+    [
+        [
+            (-1) ** back * math.comb(further, back) / math.sqrt(math.comb(2 * further + 6, further + 3))
+            for back in range(_ORDERS)
+        ]
+        for further in range(_ORDERS)
+    ]
+)
 _FEWEST = 8
 _MOST_AT_ONCE = 16.0  # a jerk of the tag is no noise: one square counts as no more than so many
 _COLOUR = 1.15  # a codec's noise is a little larger than its differences say: neighbours share some of it
@@ -29,53 +37,39 @@ class Scatter:
     """
 
     def __init__(self) -> None:
-        self._innovations: list[tuple[float, float, float]] = []  # the oldest first ...
-        self._counted = 0  # ... of which so many have been counted in
-        self._stated: Sequence[float] = ()
+        self._innovations = np.zeros((_ORDERS, 3))  # the newest first
+        self._held = 0
         self._squares = np.zeros((_ORDERS, 3))
-        self._counts = np.zeros(_ORDERS)
-        self._variance = [0.0, 0.0, 0.0]
+        self._counts = np.zeros((_ORDERS, 1))
+        self._variance = np.zeros(3)
 
     @property
-    def variance(self) -> list[float]:
-        """Of (x, y, angle); 0 as long as too few frames have been seen, and some frames old."""
+    def variance(self) -> FloatArray:
+        """Of (x, y, angle), shape (3,); 0 as long as too few frames have been seen."""
         return self._variance
 
-    def add(self, innovation: tuple[float, float, float], stated: Sequence[float]) -> None:
+    def add(self, innovation: FloatArray, stated: FloatArray) -> None:
         """Take in one frame.
 
         Parameters
         ----------
-        innovation : tuple of float
+        innovation : ndarray, shape (3,)
             Measured less predicted centre (x, y in px) and angle (rad).
-        stated : sequence of float
+        stated : ndarray, shape (3,)
             Variances of these measurements as the image alone shows them.
         """
-        self._innovations.append(innovation)
-        self._stated = stated
-        if len(self._innovations) - self._counted >= _AT_ONCE:
-            self._count()
+        self._innovations[1:] = self._innovations[:-1]
+        self._innovations[0] = innovation
+        self._held = min(self._held + 1, _ORDERS)
+        known = slice(self._held)
+        differences = _DIFFERENCES[known] @ self._innovations
+        squares = np.minimum(differences * differences, _MOST_AT_ONCE * np.maximum(self._variance, stated))
+        self._counts[known] += 1
+        self._squares[known] += (squares - self._squares[known]) / np.minimum(self._counts[known], _MEMORY)
+        settled = np.count_nonzero(self._counts >= _FEWEST)  # the first orders
+        if settled:
+            self._variance = _COLOUR * self._squares[:settled].min(axis=0)
 
     def interrupt(self) -> None:
         """Forget the last frames, after a gap, but not how much they scattered."""
-        if len(self._innovations) > self._counted:
-            self._count()
-        self._innovations.clear()
-        self._counted = 0
-
-    def _count(self) -> None:
-        innovations = np.array(self._innovations)
-        most = _MOST_AT_ONCE * np.maximum(self._variance, self._stated)
-        for order in range(_ORDERS):
-            squares = np.square(np.diff(innovations, order, axis=0)[max(self._counted - order, 0) :]) * _SHARES[order]
-            new = len(squares)
-            if not new:
-                continue
-            self._counts[order] += new
-            share = min(new / min(self._counts[order], _MEMORY), 1.0)
-            self._squares[order] += (np.minimum(squares, most).mean(axis=0) - self._squares[order]) * share
-        settled = np.count_nonzero(self._counts >= _FEWEST)  # the first orders
-        if settled:
-            self._variance = (_COLOUR * self._squares[:settled].min(axis=0)).tolist()
-        self._innovations = self._innovations[1 - _ORDERS :]
-        self._counted = len(self._innovations)
+        self._held = 0
