@@ -129,11 +129,10 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     )
     samples, fit, prior = fit_sway(sway, every, in_metres=track.length_unit == "m")
     hidden = weigh_losses(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
-    fit = hidden.fit if hidden is not None and hidden.sure else fit
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
-    angle = _angle_samples(sway, begin, fit)
-    fit, contradictions = join_channel(samples, fit, angle, prior=prior)
-    fit = hidden.widen(fit) if hidden is not None and not hidden.sure else fit
+    fit, contradictions = join_channel(samples, fit, _angle_samples(sway, begin, fit), prior=prior)
+    if hidden is not None:
+        fit = hidden.fit if hidden.sure else hidden.widen(fit)
     period = float(2 * np.pi / fit.parameters[OMEGA])
     peaks = find_peaks(samples.time_s, centre(samples, fit), period)
     on_curve = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, period)

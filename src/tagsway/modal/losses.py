@@ -111,7 +111,7 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
 
         Z_V / Z_0 = |1 + S P_VV|^-1/2 exp(½ bᵀ (P_VV + S⁻¹)⁻¹ b) ∏ 2 Φ(m_i / σ_i),      b = P_V û
 
-    where m and σ are the mean and the errors that are left. The signs aside, the prior enters as one more measurement.
+    where m and σ are the mean and the errors that are left, each loss in its turn held above 0: no loss is a gain.
     Values are those of the decay without until the others' weight is large; the errors are those of all, about these
     values.
 
@@ -209,9 +209,27 @@ def _weigh_sets(
         mean, spread = np.zeros(size), np.zeros((size, size))
         mean[chosen], spread[block] = left @ pull[chosen], left
         fits = 0.5 * float(pull[chosen] @ mean[chosen] + np.linalg.slogdet(left)[1])
-        signs = float(np.sum(np.log(2) + log_ndtr(mean[chosen] / np.sqrt(np.diag(left)))))
+        mean, spread, signs = _hold_positive(mean, spread, chosen)
         log_odds.append(min(fits + signs + float(np.sum(np.log(odds / width))), MOST_EVIDENCE))
         means.append(mean)
         spreads.append(spread)
     posterior = np.exp(log_odds)
     return posterior / (1 + np.sum(posterior)), np.array(means), np.array(spreads)
+
+
+def _hold_positive(mean: FloatArray, spread: FloatArray, places: Sequence[int]) -> tuple[FloatArray, FloatArray, float]:
+    """Return mean and covariance of a normal distribution of losses, none of which is a gain, and the log of its size.
+
+    Loss after loss: each is cut off at 0, the others follow it, and the result is taken for normal again.
+    """
+    size = 0.0
+    for place in places:
+        sigma = float(np.sqrt(spread[place, place]))
+        ratio = float(mean[place]) / sigma
+        log_share = float(log_ndtr(ratio))
+        hazard = float(np.exp(-0.5 * ratio**2 - 0.5 * np.log(2 * np.pi) - log_share))
+        with_it = spread[:, place] / sigma
+        mean = mean + with_it * hazard
+        spread = spread - np.outer(with_it, with_it) * (hazard * (hazard + ratio))
+        size += np.log(2) + log_share
+    return mean, spread, size
