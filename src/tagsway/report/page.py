@@ -6,7 +6,7 @@ import hashlib
 from importlib import resources
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined, Template
+from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from tagsway.model import Curves, Result
 from tagsway.report.charts import make_charts, share_abscissae
@@ -68,8 +68,10 @@ def render_page(result: Result, curves: Curves, *, title: str, set_url: str | No
     return render_template(
         "page.html",
         make_charts(result, curves),
-        set_url=set_url,
         title=title,
+        generator=f"{result.created_by.name} {result.created_by.version}",
+        script_url=None if set_url is None else f"{set_url}/{SHARED_SCRIPT}",
+        set_url=set_url,
         result=result,
         banner=BANNERS[result.status],
         answers=answers(result),
@@ -91,37 +93,40 @@ def render_page(result: Result, curves: Curves, *, title: str, set_url: str | No
     )
 
 
-def render_template(name: str, charts: dict[str, Chart], *, set_url: str | None = None, **words: Any) -> str:
-    """Return a page with its charts, script and style inside.
+def render_template(
+    name: str, charts: dict[str, Chart], *, title: str, generator: str, script_url: str | None = None, **words: Any
+) -> str:
+    """Return a page with its data, script and style inside.
 
     Parameters
     ----------
     name : str
-        Of the template beside this module.
+        Of the template beside this module: it fills the frame that all pages share.
     charts : dict of Chart
         By name.
-    set_url : str, optional
-        As in `render_page`.
+    title : str
+        The page's heading.
+    generator : str
+        What made it, with its version.
+    script_url : str, optional
+        Where the script that draws the charts lies, as seen from the page; it is inside by default.
     words : Any
         What the template says.
     """
     slim, abscissae = share_abscissae(charts)
-    scripts = [load_asset(name) for name in ((PLOTLY, "page.js") if set_url is None else ("page.js",))]
-    html = load_template(name).render(
+    scripts = [load_asset(each) for each in ((PLOTLY, "page.js") if script_url is None else ("page.js",))]
+    html = _load_template(name).render(
         **words,
+        title=title,
+        generator=generator,
         charts=slim,
         page_data={"charts": slim, "abscissae": abscissae, "light": LIGHT_PALETTE, "dark": DARK_PALETTE},
         style=load_asset("page.css"),
         scripts=scripts,
-        script_hashes=[script_hash(script) for script in scripts],
-        set_url=set_url,
-        script_url=f"{set_url}/{SHARED_SCRIPT}",
+        script_hashes=[_script_hash(script) for script in scripts],
+        script_url=script_url,
     )
-    return written(html)
-
-
-def written(html: str) -> str:
-    """Return a page that can be written: a file name may hold bytes that are no text."""
+    # a file name may hold bytes that are no text
     return html.encode("utf-8", "replace").decode("utf-8")
 
 
@@ -132,12 +137,17 @@ def load_asset(name: str) -> str:
 
 
 @functools.cache
-def load_template(name: str) -> Template:
+def _load_template(name: str) -> Template:
     """Return a template of this package; it escapes what is put in."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(load_asset(name))
+    return Environment(
+        loader=FunctionLoader(load_asset),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template(name)
 
 
-def script_hash(script: str) -> str:
+def _script_hash(script: str) -> str:
     """Return the name by which the page's content policy allows exactly this script."""
     return "sha256-" + base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")

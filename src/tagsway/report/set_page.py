@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tagsway.model import Notice, Shaper
-from tagsway.report.charts import share_abscissae
-from tagsway.report.page import load_asset, load_template, script_hash, written
+from tagsway.report.page import render_template
 from tagsway.report.set_charts import chart_effects, chart_measurements
 from tagsway.report.set_words import (
     Record,
@@ -18,7 +17,6 @@ from tagsway.report.set_words import (
     spread_rows,
     summary_tables,
 )
-from tagsway.report.style import DARK_PALETTE, LIGHT_PALETTE
 from tagsway.report.tables import shaper_rows
 
 
@@ -101,9 +99,12 @@ def render_set_page(report: SetReport, *, script_url: str) -> str:
     str
         Figures, style and data are inside; it loads nothing but that script. The same input gives the same page.
     """
-    charts, abscissae = share_abscissae(_charts(report))
-    script = load_asset("page.js")
-    html = load_template("set.html").render(
+    return render_template(
+        "set.html",
+        _charts(report),
+        title=report.title,
+        generator=f"tagsway {report.version}",
+        script_url=script_url,
         report=report,
         total=report.summary[-1],
         number=number,
@@ -113,15 +114,8 @@ def render_set_page(report: SetReport, *, script_url: str) -> str:
         effect_sentences=describe_effects(report.effects, report.spans),
         shaper_words=describe_set_shaper(report.shaper, report.no_shaper),
         shaper_rows=[] if report.shaper is None else shaper_rows(report.shaper),
-        charts=charts,
         picture=_data_url,
-        page_data={"charts": charts, "abscissae": abscissae, "light": LIGHT_PALETTE, "dark": DARK_PALETTE},
-        style=load_asset("page.css"),
-        script=script,
-        script_hash=script_hash(script),
-        script_url=script_url,
     )
-    return written(html)
 
 
 def _charts(report: SetReport) -> dict[str, Any]:
