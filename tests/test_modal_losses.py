@@ -1,12 +1,15 @@
 """A drag that no test can see: in the errors of the damping ratio, and not in its value until it is sure."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pendulum_scenes import FLEXIBLE, Recording, pick_and_place, record
-from tagsway.modal import identify_modes
+from tagsway.filters import clean_track
+from tagsway.modal import find_window, identify_modes
 from tagsway.model import ModalEstimate
 
 SEEDS = range(8)
@@ -62,3 +65,15 @@ def test_drag_that_no_pendulum_vouches_for_is_not_extrapolated() -> None:
     # alone, the mean swing's ratio is given, and its interval reaches down to the viscous part
     assert alone.damping_ratio.value == pytest.approx(alone.operating_damping_ratio.value)  # identity
     assert alone.damping_ratio.ci95[0] < held.damping_ratio.value < 0.6 * alone.damping_ratio.value
+
+
+def test_once_drag_is_sure_nothing_is_fitted_below_zero() -> None:
+    sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+    from decays import film, find_mode
+
+    kind, payload, track = film(35)  # a camera with its errors sees a plain payload with drag
+    found = identify_modes(track, find_window(track, clean_track(track))).estimate
+    truth = find_mode(payload)[1]
+    assert kind == "plain"
+    assert found.damping_ratio.value < found.operating_damping_ratio.value  # identity: drag damps large swings more
+    assert abs(found.damping_ratio.value - truth) < 3 * found.damping_ratio.std  # statistics
