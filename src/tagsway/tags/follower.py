@@ -28,7 +28,6 @@ _DROP = 0.001  # of the correlation, below what is usual, that makes a look at t
 _DROP_SPREADS = 4.0  # ... and that many times what it varies by
 _MEMORY = 16  # frames in the running correlation
 _LEARN_EVERY = 64  # frames between two looks at the uncovered tag
-_SUSPECTED = 3  # frames after a cover that still looked unlike the tag are not believed, though no cell shows why
 _MOST_DOUBTED = 60  # frames after which a tag that was never seen whole is taken as it is
 
 
@@ -64,7 +63,7 @@ class Follower:
         self._wait = 1
         self._until_check = first_check
         self._until_learning = 0
-        self._doubted, self._suspected, self._was_whole = 0, 0, False
+        self._doubted, self._was_whole = 0, False
         self._correlation, self._spread = 0.0, 0.0
 
     @property
@@ -198,12 +197,8 @@ class Follower:
                 self._cover = CoverCheck(self._family, self.tag_id)  # light or focus may have changed for good
                 self._until_learning = 0
             if (self._was_whole or not always) and self._cover.is_covered(frame.grey, sighting.homography):
-                self._suspected = _SUSPECTED
                 return False
-            if self._suspected > 0 and not always:
-                self._suspected -= 1
-                return False
-        self._doubted, self._suspected, self._was_whole = 0, 0, True
+        self._doubted, self._was_whole = 0, True
         if self._cover.knows_tag:
             self._correlation -= drop / _MEMORY
             self._spread += (abs(drop) - self._spread) / _MEMORY
