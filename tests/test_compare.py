@@ -491,3 +491,12 @@ def test_films_and_results_are_compared_from_end_to_end_and_nothing_is_measured_
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "http://" not in page.split("<script")[0]
     assert "x against unshaped" in page
+
+
+def test_what_a_set_left_out_as_a_copy_is_no_repeat(inside) -> None:
+    rows = [{"shaped_axes": name, "motion_time_s": 1.0 + 0.01 * n} for name in ("no", "x") for n in range(3)]
+    rows[5]["rejected_by"] = "copy of r4.mp4"
+    document = compared(str(write_measured_set(inside / "m", rows)), "--by", "shaped_axes")
+    change = difference(document, "motion_time_s")["change"]
+    assert (change["n_reference"], change["n"]) == (3, 2)
+    assert "copies" in {notice["code"] for notice in document["warnings"]}
