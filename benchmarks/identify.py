@@ -24,6 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does: 
 import cv2
 import numpy as np
 
+import tagsway.pipeline.assembling as assembling
 import tagsway.pipeline.measurement as stages
 import tagsway.pipeline.output as outputs
 from tagsway.model import FloatArray, GreyArray, Settings
@@ -45,7 +46,7 @@ STAGES = {
     "window": (stages, "find_free_vibration"),
     "mode": (stages, "identify_modes"),
     "pendulum": (stages, "fit_pendulum"),
-    "indicators": (stages, "measure_indicators"),
+    "indicators": (assembling, "measure_indicators"),
     "write everything": (outputs, "_write_all"),
     "  of this, figures": (outputs, "write_figures"),
     "  of this, page": (outputs, "render_page"),

@@ -13,7 +13,7 @@ from tagsway.model import (
     PendulumEstimate,
     VideoInfo,
 )
-from tagsway.pipeline.measurement import HARMLESS
+from tagsway.pipeline.assembling import HARMLESS
 
 NOTHING = EstimatorResult(natural_frequency_hz=None, damping_ratio=None)
 

@@ -8,7 +8,7 @@ from tagsway.errors import InputError
 from tagsway.files import write_text
 from tagsway.indicators import find_last_move
 from tagsway.model import Progress, Window
-from tagsway.pipeline.measurement import Measurement
+from tagsway.pipeline.assembling import Measurement
 from tagsway.report.figures import FIGURES, write_figures
 from tagsway.report.overlay import write_overlay
 from tagsway.report.page import render_page
