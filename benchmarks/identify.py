@@ -27,7 +27,7 @@ import numpy as np
 import tagsway.pipeline.assembling as assembling
 import tagsway.pipeline.measurement as stages
 import tagsway.pipeline.output as outputs
-from tagsway.model import FloatArray, GreyArray, Settings
+from tagsway.model import GRAVITY_M_S2, FloatArray, GreyArray, Settings
 from tagsway.pipeline import identify, write_measurement
 from tagsway.pipeline.recording import track_video
 from tagsway.video.writing import write_video
@@ -107,15 +107,20 @@ def film(seconds: float) -> Iterator[GreyArray]:
 
 
 def move_and_sway(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the tool's place in pixels and the payload's angle: half a second's move, then a decay with ζ = 0.004."""
+    """Return the tool's place in pixels and the payload's angle: half a second's move, then a decay with ζ = 0.004.
+
+    A point mass on a spring, so that the pendulum's fit has to do what it does for a payload.
+    """
     share = np.clip((time_s - 0.5) / 0.5, 0, 1)
     x = 400 + 480 * share**3 * (10 - 15 * share + 6 * share**2)
-    push = -np.gradient(np.gradient(x, time_s), time_s) / PENDULUM_PX
-    wn, parts = 2 * np.pi * 2.3, 16
+    push = np.gradient(np.gradient(x, time_s), time_s) / PENDULUM_PX
+    length = PENDULUM_PX * SETTINGS.pcp_tag_size_m / SIDE_PX
+    gravity, wn, parts = GRAVITY_M_S2 / length, 2 * np.pi * 2.3, 16
     angles, angle, rate = np.zeros(len(time_s)), 0.0, 0.0
     for k in range(1, len(time_s)):
         for _ in range(parts):
-            rate += (push[k] - 2 * 0.004 * wn * rate - wn**2 * np.sin(angle)) / (parts * FPS)
+            spring = gravity * np.sin(angle) + (wn**2 - gravity) * angle
+            rate -= (push[k] * np.cos(angle) + spring + 2 * 0.004 * wn * rate) / (parts * FPS)
             angle += rate / (parts * FPS)
         angles[k] = angle
     return x, angles

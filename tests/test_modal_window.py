@@ -33,7 +33,10 @@ def make_tracks(time: FloatArray, pcp: FloatArray, tcp: FloatArray | None = None
     def clean(position: FloatArray) -> CleanTagTrack:
         slope = np.gradient(position, time, axis=0)
         smooth = np.column_stack([np.convolve(np.pad(c, 4, mode="edge"), np.ones(9) / 9, "valid") for c in slope.T])
-        return CleanTagTrack(position=position, velocity=smooth, acceleration=0 * smooth, bandwidth_hz=13.0)
+        noise = np.full_like(position, 1e-5)
+        return CleanTagTrack(
+            position=position, velocity=smooth, acceleration=0 * smooth, bandwidth_hz=13.0, sample_std=noise
+        )
 
     raw = Track(
         frame=np.arange(len(time)),

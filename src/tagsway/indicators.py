@@ -6,7 +6,7 @@ import numpy as np
 
 from tagsway.criteria import judge_move, load_of
 from tagsway.errors import InputError
-from tagsway.filters import find_track_spikes, fit_tag_splines
+from tagsway.filters import fit_smoothing_spline
 from tagsway.filters.moves import find_moves
 from tagsway.model import (
     GRAVITY_M_S2,
@@ -243,7 +243,11 @@ def _peak_errors(track: Track, clean: CleanTrack, used: BoolArray) -> tuple[floa
     horizontal, vector = load_of(acceleration)
     if not np.isfinite(vector).any():
         return 0.0, 0.0
-    x, z = fit_tag_splines(track.time_s, track.pcp, find_track_spikes(track.time_s, track.pcp))
+    noise, bandwidth = clean.pcp.sample_std, clean.pcp.bandwidth_hz
+    position = np.where(np.isfinite(noise), track.pcp.position, np.nan)
+    x, z = (
+        fit_smoothing_spline(track.time_s, position[:, axis], noise[:, axis], bandwidth_hz=bandwidth) for axis in (0, 1)
+    )
     first, second = int(np.nanargmax(horizontal)), int(np.nanargmax(vector))
     at = clean.time_s[second]
     share = acceleration[second, 0] / vector[second], (acceleration[second, 1] + GRAVITY_M_S2) / vector[second]

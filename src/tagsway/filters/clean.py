@@ -72,7 +72,13 @@ def fit_tag_splines(
     axis is as quick. `moving`, shape (n,), says where the tag moves: then how rough its path is comes from there, and
     not from the rest before and after, which would make it look smoother and surer than it is.
     """
-    position, noise = np.where(spikes[:, None], np.nan, tag.position), measure_tag_noise(time_s, tag, spikes)
+    return _fit_splines(time_s, tag, measure_tag_noise(time_s, tag, spikes), moving)
+
+
+def _fit_splines(
+    time_s: FloatArray, tag: TagTrack, noise: FloatArray, moving: BoolArray | None = None
+) -> tuple[SmoothingSpline, SmoothingSpline]:
+    position = np.where(np.isfinite(noise), tag.position, np.nan)
     channels = [(position[:, axis], noise[:, axis]) for axis in (0, 1)]
     if moving is None:
         x, z = (fit_smoothing_spline(time_s, *channel) for channel in channels)
@@ -94,18 +100,23 @@ def measure_tag_noise(time_s: FloatArray, tag: TagTrack, spikes: BoolArray) -> F
 def _clean_tag(time_s: FloatArray, tag: TagTrack, spikes: BoolArray, method: str) -> CleanTagTrack:
     used = np.isfinite(tag.position).all(axis=1) & ~spikes
     motion = np.full((3, len(time_s), 2), np.nan)
+    noise = np.full((len(time_s), 2), np.nan)
     bandwidth = 0.0
     if np.count_nonzero(used) >= LEAST_SAMPLES:
         known = _bridged(time_s, used)
+        noise = measure_tag_noise(time_s, tag, ~used)
         if method == "spline":
-            splines = fit_tag_splines(time_s, tag, ~used)
+            splines = _fit_splines(time_s, tag, noise)
             bandwidth = splines[0].bandwidth_hz
             motion = np.stack([[spline(time_s, order) for spline in splines] for order in range(3)]).swapaxes(1, 2)
         else:
             bandwidth = 1 / (2 * DERIVATIVE_MEDIAN * float(np.median(np.diff(time_s[used]))))
             motion = _differentiate_medians(time_s, tag.position, used)
         motion[:, ~known] = np.nan
-    return CleanTagTrack(position=motion[0], velocity=motion[1], acceleration=motion[2], bandwidth_hz=bandwidth)
+    position, velocity, acceleration = motion
+    return CleanTagTrack(
+        position=position, velocity=velocity, acceleration=acceleration, bandwidth_hz=bandwidth, sample_std=noise
+    )
 
 
 def _bridged(time_s: FloatArray, used: BoolArray) -> BoolArray:

@@ -78,12 +78,15 @@ class CleanTagTrack:
         x and z, in the track's length unit, per second and per second squared.
     bandwidth_hz : float
         Where the smoothing has halved an oscillation's amplitude.
+    sample_std : ndarray, shape (n, 2)
+        Noise of the raw samples that were smoothed, as it shows; NaN at a spike and where the tag was not seen.
     """
 
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     bandwidth_hz: float
+    sample_std: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

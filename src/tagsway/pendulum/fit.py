@@ -171,7 +171,7 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     problem = problem.but(shared=shared)
     parameters, cost = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     rubbed = problem.but(rubbed=True)
-    if rubbed.gain(parameters, Unknown.FRICTION) > LEAST_GAIN * max(1.0, cost / len(problem.linearise(parameters)[0])):
+    if rubbed.gain(parameters, Unknown.FRICTION) > LEAST_GAIN * max(1.0, cost / len(problem.look(parameters)[0])):
         problem = rubbed
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     alone = _excess(problem, parameters)
@@ -201,7 +201,7 @@ def _find_tag_ratio(problem: Problem, parameters: FloatArray) -> float:
 
 def _excess(problem: Problem, parameters: FloatArray) -> float:
     """Return the mean square of the whitened residuals, of all or of those that err together: 1, never less."""
-    left = problem.linearise(parameters)[0]
+    left, _ = problem.look(parameters)
     samples = left[: -len(problem.rows)]
     everywhere = float(np.sum(samples**2)) / max(len(samples) - len(problem.free), 1)
     # A misfit is smooth and hides where the pivot's uncertain path could explain it: those few directions count alone.

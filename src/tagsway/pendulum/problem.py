@@ -97,17 +97,24 @@ class Problem:
         scaled = self.scaled(camera)
         return scaled if self.shared is None else self.shared.whiten(scaled)
 
-    def linearise(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return residuals, shape (rows,), and slopes, shape (rows, free), at parameters of shape (15,)."""
+    def look(self, parameters: FloatArray) -> tuple[FloatArray, Tangent]:
+        """Return residuals, shape (rows,), at parameters of shape (15,), and the motion that `slopes` are of."""
         # A trial step may fly off; the search turns back from what is not finite.
         with np.errstate(all="ignore"):
             tangent = Tangent.of(self.record, parameters)
-            camera = np.concatenate(
-                [(tangent.seen() - self.measured)[:, :, None], tangent.of_parameters(self.free)], axis=2
-            )
-            samples = self.whiten(camera)
-        left = np.append(samples[:, 0], self.rows @ parameters - self.target)
-        return left, np.concatenate([samples[:, 1:], self.rows[:, self.free]])
+            samples = self.whiten(tangent.seen() - self.measured)
+        return np.append(samples, self.rows @ parameters - self.target), tangent
+
+    def slopes(self, tangent: Tangent) -> FloatArray:
+        """Return the residuals' slopes in the free unknowns, shape (rows, free)."""
+        with np.errstate(all="ignore"):
+            samples = self.whiten(tangent.of_parameters(self.free))
+        return np.concatenate([samples, self.rows[:, self.free]])
+
+    def linearise(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return residuals, shape (rows,), and slopes, shape (rows, free), at parameters of shape (15,)."""
+        left, tangent = self.look(parameters)
+        return left, self.slopes(tangent)
 
     def residuals(self, parameters: FloatArray) -> FloatArray:
         """Return residuals alone, shape (rows, m), of m sets of parameters, shape (15, m)."""

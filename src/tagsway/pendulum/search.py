@@ -18,7 +18,8 @@ FIRST_DAMPING, LARGEST_DAMPING = 1e-4, 1e8
 """Of the step, in shares of the curvature along each unknown."""
 
 LEAST_DAMPING, EASE, PRESS = 1e-9, 0.1, 5.0
-"""A step that helps eases the damping, one that does not presses it."""
+"""A step that keeps its promise eases the damping so much, one that does not help presses it; in between, by Nielsen's
+rule, a step that helped less than it promised leaves the damping about as it is."""
 
 
 def search(
@@ -35,7 +36,8 @@ def search(
     steps : int
         At most so many.
     tolerance : float
-        The search ends where the next step promises to lower χ² by less.
+        The search ends where the next step promises to lower χ² by less; where the model leaves more than noise, by
+        less than so many times its mean square: the errors are wider by as much.
     loss : {"soft_l1", "linear"}
         What is summed: 2 C² (√(1 + r²/C²) - 1) with C = 2, or r².
 
@@ -52,15 +54,17 @@ def search(
     unknowns takes four times as long as simulating them. The weights of the loss are its slope over that of the
     square, which bound it from above: a step lowers it wherever the slopes hold.
     """
-    best = start
-    left, slopes = problem.linearise(best)
-    cost, damping = _sum(left, loss), FIRST_DAMPING
+    best, damping = start, FIRST_DAMPING
+    left, tangent = problem.look(best)
+    cost = _sum(left, loss)
     for _ in range(steps):
+        slopes = problem.slopes(tangent)
         if not np.isfinite(cost) or not np.all(np.isfinite(slopes)):
             break
         weighted = _weights(left, loss)[:, None] * slopes
         gradient, information = weighted.T @ left, weighted.T @ slopes
         scale = np.maximum(np.diag(information), 1e-30)
+        enough = tolerance * max(1.0, cost / len(left))
         while damping < LARGEST_DAMPING:
             step = _solve(information + np.diag(damping * scale), gradient)
             if step is None or not np.max(np.abs(step)[problem.logarithms]) <= LONGEST_STEP:
@@ -69,18 +73,19 @@ def search(
             promised = float(step @ gradient)
             trial = best.copy()
             trial[problem.free] -= step
-            now, ahead = problem.linearise(trial)
+            now, ahead = problem.look(trial)
             after = _sum(now, loss)
             if after < cost:
                 break
-            if promised < tolerance:
+            if promised < enough:
                 return best, cost
             damping *= PRESS
         else:
             break
-        best, left, slopes, cost = trial, now, ahead, after
-        damping = max(damping * EASE, LEAST_DAMPING)
-        if promised < tolerance:
+        kept = (cost - after) / max(promised, 1e-30)
+        best, left, tangent, cost = trial, now, ahead, after
+        damping = max(damping * max(EASE, 1 - (2 * kept - 1) ** 3), LEAST_DAMPING)
+        if promised < enough:
             break
     return best, cost
 
