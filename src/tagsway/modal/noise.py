@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from tagsway.model import FloatArray, IntArray
+
+_MOST_ROUNDS, _SETTLED = 6, 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,14 +68,6 @@ class Colour:
         except np.linalg.LinAlgError:
             return 1.0
         return 2 * self.count / (max(spread, 0.0) + 2)
-
-    def spread_over(self, rows: FloatArray) -> FloatArray:
-        """Return Σ times these rows on the even grid, shape (n, p)."""
-        size = 1 << int(np.ceil(np.log2(3 * len(rows))))
-        turns = np.asarray(2 * np.pi * np.fft.rfftfreq(size), dtype=float)
-        density = self.density(turns) * self.variance
-        whole = np.fft.irfft(np.fft.rfft(rows, size, axis=0) * density[:, None], size, axis=0)
-        return np.asarray(whole[: len(rows)], dtype=float)
 
     def meat(self, rows: FloatArray, place: IntArray) -> FloatArray:
         """Return Jᵀ R J with R the residual's covariance.
@@ -160,12 +155,20 @@ def find_colour(residual: FloatArray, place: IntArray, rows: FloatArray) -> Colo
     order = len(best.coefficients)
     basis = np.zeros((length, fitted))
     basis[place] = np.linalg.qr(rows)[0]
-    for _ in range(6):
-        taken = _taken_by_the_fit(best, basis, there[:, None], order)
+    size = next_fast_len(3 * length, real=True)
+    spectra = rfft(basis, size, axis=0)
+    for _ in range(_MOST_ROUNDS):
+        coloured = irfft(spectra * _power(best, size)[:, None], size, axis=0)[:length] * there[:, None]
+        taken = _taken_by_the_fit(coloured, basis, order)
         fuller = _yule_walker((products[: order + 1] + taken) / pairs[: order + 1], n)
         if fuller is None:
             break
+        settled = abs(fuller.variance - best.variance) < _SETTLED * best.variance and np.allclose(
+            fuller.coefficients, best.coefficients, rtol=0.0, atol=_SETTLED
+        )
         best = fuller
+        if settled:
+            break
     return best
 
 
@@ -199,14 +202,18 @@ def _yule_walker(covariance: FloatArray, count: int) -> Colour | None:
     return Colour(coefficients=a, variance=variance, innovation=variance * share, count=count)
 
 
-def _taken_by_the_fit(colour: Colour, basis: FloatArray, there: FloatArray, order: int) -> FloatArray:
-    """Return the lag products that a residual lacks: of P Σ + Σ P - P Σ P, for orthonormal rows with gaps."""
-    coloured = colour.spread_over(basis) * there
-    inner = basis @ (basis.T @ coloured)
+def _power(colour: Colour, size: int) -> FloatArray:
+    """Return the power spectrum at the frequencies of a transform of so many samples."""
+    return np.asarray(colour.innovation / np.abs(rfft(np.append(1.0, -colour.coefficients), size)) ** 2, dtype=float)
+
+
+def _taken_by_the_fit(coloured: FloatArray, basis: FloatArray, order: int) -> FloatArray:
+    """Return the lag products that a residual lacks: of P Σ + Σ P - P Σ P, for orthonormal rows with gaps.
+
+    `coloured` is Σ times the rows, where there are samples.
+    """
+    left = coloured - basis @ (basis.T @ coloured)
     n = len(basis)
     return np.array(
-        [
-            np.sum(basis[k:] * (coloured - inner)[: n - k]) + np.sum(coloured[k:] * basis[: n - k])
-            for k in range(order + 1)
-        ]
+        [np.vdot(basis[k:], left[: n - k]) + np.vdot(coloured[k:], basis[: n - k]) for k in range(order + 1)]
     )
