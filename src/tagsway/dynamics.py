@@ -15,13 +15,13 @@ together are one pull of size H = |(X'', g + Z'')| that leans by φ = atan2(X'',
 which takes one sine a stage (`simulate_planned`).
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
+from tagsway.marching import load_march, load_step_each
 from tagsway.model import GRAVITY_M_S2, FloatArray, Pendulum
 
 STICTION_RATE_RAD_S = 1e-3
@@ -122,19 +122,11 @@ def simulate_sway(
     if len(velocity) != 2 * len(time_s) - 1:
         raise ValueError(f"{len(time_s)} nodes need {2 * len(time_s) - 1} pivot velocities, not {len(velocity)}")
     m = max(len(ensemble.length_m), velocity.shape[2])
-    push = velocity / ensemble.length_m
     q = np.broadcast_to(np.asarray(angle_rad, dtype=float), (m,))
-    if momentum_rad_s is None:
-        p = push[0, 0] * np.cos(q) + push[0, 1] * np.sin(q)
-    else:
-        p = np.broadcast_to(np.asarray(momentum_rad_s, dtype=float), (m,))
-    if m == 1:
-        slopes = _slopes_of(ensemble, stiction_rate_rad_s, plain=True)
-        states = _march(slopes, (float(q[0]), float(p[0])), push[:, :, 0].tolist(), time_s)[:, :, None]
-    else:
-        states = _march(_slopes_of(ensemble, stiction_rate_rad_s), (q, p), push, time_s)
-    angles, momenta = states[:, 0], states[:, 1]
-    return angles, momenta - push[::2, 0] * np.cos(angles) - push[::2, 1] * np.sin(angles)
+    p = _momentum(ensemble, velocity[0], q) if momentum_rad_s is None else np.asarray(momentum_rad_s, dtype=float)
+    start = np.stack([q, np.broadcast_to(p, (m,))])
+    angles, momenta = load_march()(start, velocity, np.diff(time_s), _constants(ensemble), stiction_rate_rad_s)
+    return angles, momenta - _momentum(ensemble, velocity[::2].swapaxes(0, 1), angles)
 
 
 def simulate_carried(
@@ -226,9 +218,8 @@ def step_sway(
     angle_rad, momentum_rad_s : ndarray, shape (n, m)
         At the end of each.
     """
-    start, middle, end = pivot_velocity_m_s / ensemble.length_m
-    slopes = _slopes_of(ensemble, stiction_rate_rad_s)
-    q, p = _step(slopes, angle_rad, momentum_rad_s, start, middle, end, step_s)
+    states = np.stack([angle_rad, momentum_rad_s])
+    q, p = load_step_each()(states, pivot_velocity_m_s, step_s, _constants(ensemble), stiction_rate_rad_s)
     return q, p
 
 
@@ -342,54 +333,20 @@ def _accelerate_both(ensemble: PendulumEnsemble, second: LightBody) -> _Accelera
     return accelerate
 
 
-def _march(slopes: Callable[..., Any], state: tuple[Any, Any], push: Any, time_s: FloatArray) -> FloatArray:
-    """Return q and p at all nodes, shape (n, 2, ...): of arrays, or of plain numbers, which are ten times as quick."""
-    states = np.full((len(time_s), 2, *np.shape(state[0])), np.nan)
-    states[0] = state
-    for i, step in enumerate(np.diff(time_s).tolist()):
-        try:
-            state = _step(slopes, *state, push[2 * i], push[2 * i + 1], push[2 * i + 2], step)
-        except ValueError:  # of a plain number that is infinite: the rest is NaN, as an array's would be
-            break
-        states[i + 1] = state
-    return states
-
-
-def _step(slopes: Callable[..., Any], q: Any, p: Any, start: Any, middle: Any, end: Any, step: float) -> Any:
-    half = step / 2
-    q1, p1 = slopes(q, p, start)
-    q2, p2 = slopes(q + half * q1, p + half * p1, middle)
-    q3, p3 = slopes(q + half * q2, p + half * p2, middle)
-    q4, p4 = slopes(q + step * q3, p + step * p3, end)
-    return q + step / 6 * (q1 + 2 * (q2 + q3) + q4), p + step / 6 * (p1 + 2 * (p2 + p3) + p4)
-
-
-def _slopes_of(ensemble: PendulumEnsemble, stiction_rate: float, *, plain: bool = False) -> Callable[..., Any]:
-    """Return (q', p') as a function of q, p and the pivot's velocity over l, in arrays or in plain numbers."""
-    library: Any = math if plain else np
-    sin, cos, tanh = library.sin, library.cos, library.tanh
-    gravity, stiffness, damping, drag, friction = (
-        float(value[0]) if plain else value
-        for value in (
+def _constants(ensemble: PendulumEnsemble) -> FloatArray:
+    """Return what `tagsway.marching` takes."""
+    return np.stack(
+        [
+            ensemble.length_m,
             GRAVITY_M_S2 / ensemble.length_m,
             ensemble.stiffness_over_inertia_rad2_s2,
             ensemble.damping_over_inertia_rad_s,
             ensemble.quadratic_drag_per_rad,
             ensemble.coulomb_friction_rad_s2,
-        )
+        ]
     )
-    dragged, rubbed = bool(np.any(drag != 0)), bool(np.any(friction != 0))
 
-    def slopes(q: Any, p: Any, push: Any) -> Any:
-        sine, cosine = sin(q), cos(q)
-        x, z = push
-        rate = p - x * cosine - z * sine
-        brake = damping + x * sine - z * cosine
-        if dragged:
-            brake = brake + drag * abs(rate)
-        slope = -(gravity * sine + stiffness * q + brake * rate)
-        if rubbed:
-            slope = slope - friction * tanh(rate / stiction_rate)
-        return rate, slope
 
-    return slopes
+def _momentum(ensemble: PendulumEnsemble, velocity: FloatArray, q: FloatArray) -> FloatArray:
+    """Return the pivot's part of p, p - q', from its velocity, shape (2, ...)."""
+    return np.asarray((velocity[0] * np.cos(q) + velocity[1] * np.sin(q)) / ensemble.length_m)
