@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from example_result import example
-from pendulum_scenes import FLEXIBLE, MASS_KG, STANDING, Recording, pick_and_place, record
+from pendulum_scenes import BAG, FLEXIBLE, MASS_KG, STANDING, Recording, pick_and_place, record
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import Estimate, Pendulum, Settings
+from tagsway.model import Estimate, Pendulum, Settings, TagTrack
 from tagsway.pendulum import PendulumFit, combine_masses, fit_pendulum
 from tagsway.pendulum.blocks import block_covariance
 from tagsway.pipeline.other_mass import read_other_mass
@@ -82,6 +82,50 @@ def test_a_stated_length_that_the_motion_contradicts_is_noticed() -> None:
 def test_a_length_that_is_not_positive_is_refused(released: Recording, length: float) -> None:
     with pytest.raises(InputError, match="length must be positive"):
         fit(released, length_m=length)
+
+
+def test_a_spring_that_is_stated_to_push_back_cuts_the_intervals_of_a_free_payload_and_is_named() -> None:
+    free = record(BAG, pick_and_place(3.0), seed=2)
+    plain, held = fit(free).estimate, fit(free, nonnegative_stiffness=True)
+    stiffness, length = held.estimate.stiffness_over_inertia_rad2_s2, held.estimate.length_m
+    assert stiffness is not None
+    assert length is not None
+    assert plain.stiffness_over_inertia_rad2_s2 is not None
+    assert plain.length_m is not None
+    assert plain.stiffness_over_inertia_rad2_s2.ci95[0] < 0  # or there was nothing to cut
+    assert stiffness.ci95[0] == pytest.approx(0, abs=1e-9)  # identity
+    assert stiffness.value > 0
+    assert stiffness.std < 0.8 * plain.stiffness_over_inertia_rad2_s2.std  # half a bell is 0.6 as wide
+    assert length.ci95[0] <= BAG.length_m <= length.ci95[1]
+    assert length.std < 0.8 * plain.length_m.std
+    (prior,) = (prior for prior in held.estimate.priors if prior.name == "stiffness")
+    assert prior.at_least
+    assert "taken as stated: k ≥ 0" in {notice.message for notice in held.notices}
+
+
+def test_a_spring_that_is_stated_to_push_back_changes_nothing_where_one_is_seen(moved: PendulumFit) -> None:
+    held = fit(record(FLEXIBLE, pick_and_place(4.0), seed=1), nonnegative_stiffness=True).estimate
+    for own, plain in (
+        (held.length_m, moved.estimate.length_m),
+        (held.stiffness_over_inertia_rad2_s2, moved.estimate.stiffness_over_inertia_rad2_s2),
+    ):
+        assert own is not None
+        assert plain is not None
+        assert own.value == pytest.approx(plain.value, abs=0.02 * plain.std)  # discretisation: the profile's points
+        assert own.ci95 == pytest.approx(plain.ci95, abs=0.05 * plain.std)
+
+
+def test_a_motion_that_contradicts_a_spring_which_pushes_back_is_refused_all_the_same() -> None:
+    film = record(BAG, pick_and_place(3.0), seed=2)
+    small = replace(film.track, pcp=_shrunk(film.track.pcp), tcp=_shrunk(film.track.tcp))
+    found = fit(replace(film, track=small), nonnegative_stiffness=True).estimate
+    assert not found.determined
+    assert "below zero" in found.reason
+
+
+def _shrunk(tag: TagTrack | None) -> TagTrack:
+    assert tag is not None
+    return replace(tag, position=0.8 * tag.position)
 
 
 def test_every_prior_is_printed(moved: PendulumFit) -> None:

@@ -36,6 +36,9 @@ def run(
         bool, typer.Option("--point-mass", help="State that the product is a point at its tag: a decay then tells k.")
     ] = False,
     length: Annotated[float | None, typer.Option(help="State the equivalent length in mm, measured by hand.")] = None,
+    nonnegative_stiffness: Annotated[
+        bool, typer.Option("--nonnegative-stiffness", help="State that k ≥ 0: the gripper pushes back, if at all.")
+    ] = False,
     other: Annotated[
         Path | None, typer.Option("--with", help="result.json of another mass at the same arm.", metavar="RESULT")
     ] = None,
@@ -70,6 +73,7 @@ def run(
         mass_kg=_metres(mass),
         point_mass=point_mass,
         length_m=_metres(length),
+        nonnegative_stiffness=nonnegative_stiffness,
         other=None if other is None else str(other),
         sway_axis=sway_axis,
         window=None if window is None else _window(window),

@@ -79,11 +79,13 @@ class Prior:
     ----------
     name : str
         "scale", "relative_scale", "vertical_scale", "gravity_tilt", "quadratic_drag", "dry_friction"; where the user
-        stated it "length_over_radius" or "length".
+        stated it "length_over_radius", "length" or "stiffness".
     value, std : float
         Its mean and standard deviation.
     unit : str
         Of both; "1" for a ratio.
+    at_least : bool
+        Whether all that is believed is that it is no less than the value; the standard deviation is then 0.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = FORBID_UNKNOWN
@@ -92,6 +94,7 @@ class Prior:
     value: float
     std: float
     unit: str
+    at_least: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

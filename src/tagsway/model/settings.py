@@ -35,6 +35,8 @@ class Settings:
         States that the product is a point mass at its tag: r = l.
     length_m : float or None
         States the equivalent length l, measured by hand.
+    nonnegative_stiffness : bool
+        States that the gripper pushes the payload back, if at all: k ≥ 0.
     other : str or None
         result.json of another payload mass at the same arm.
     sway_axis : str or None
@@ -65,6 +67,7 @@ class Settings:
     mass_kg: float | None = None
     point_mass: bool = False
     length_m: float | None = None
+    nonnegative_stiffness: bool = False
     other: str | None = None
     sway_axis: str | None = None
     window: Window | None = None

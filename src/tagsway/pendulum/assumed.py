@@ -22,6 +22,9 @@ RULER_STD_M = 5e-4
 """Of a length that was measured by hand."""
 
 
+NO_PUSH = Prior(name="stiffness", value=0.0, std=0.0, unit="N·m/rad", at_least=True)
+"""A gripper that pushes the payload back, if at all: stated by the user, and held against the ridge."""
+
 STATED = {"length_over_radius": "l/r", "length": "l"}
 """Names of the priors that a user states, and their signs."""
 

@@ -24,7 +24,7 @@ from tagsway.model import (
     Window,
 )
 from tagsway.pendulum.arc import LARGEST_RADIUS_STD, MOST_SAMPLES, Arc, fit_arc
-from tagsway.pendulum.assumed import believe
+from tagsway.pendulum.assumed import NO_PUSH, Belief, believe
 from tagsway.pendulum.checks import compare_with_mode
 from tagsway.pendulum.fit import LARGEST_EXCESS, Solution, fit_record
 from tagsway.pendulum.model import (
@@ -91,6 +91,7 @@ def fit_pendulum(
     mass_kg: float | None = None,
     point_mass: bool = False,
     length_m: float | None = None,
+    nonnegative_stiffness: bool = False,
     scale_std: float = SCALE_STD,
     rng: np.random.Generator,
 ) -> PendulumFit:
@@ -110,6 +111,8 @@ def fit_pendulum(
         State that the payload is a point at its tag: r = l within 0.2 %. Then a decay alone tells k.
     length_m : float, optional
         State the equivalent length, as measured by hand to 0.5 mm.
+    nonnegative_stiffness : bool
+        State that k ≥ 0. It cuts the intervals of l and k; it does not tell them apart where the motion does not.
     scale_std : float
         Relative standard error of the track's scale: that of the tags' side.
     rng : Generator
@@ -150,7 +153,7 @@ def fit_pendulum(
         raise InputError(f"the length must be positive, not {1e3 * length_m:g} mm: give the equivalent length, or none")
     try:
         record = _choose(track, window, modal, rng)
-        fitted = _fit(record, modal, _Stated(mass_kg, point_mass, length_m, scale_std))
+        fitted = _fit(record, modal, _Stated(mass_kg, point_mass, length_m, nonnegative_stiffness, scale_std))
     except NotIdentifiableError as problem:
         return _without_dynamics(str(problem), track, window, mass_kg)
     curve = PendulumCurve(
@@ -166,6 +169,7 @@ class _Stated(NamedTuple):
     mass_kg: float | None
     point_mass: bool
     length_m: float | None
+    nonnegative_stiffness: bool
     scale_std: float
 
 
@@ -196,16 +200,18 @@ def _fit(record: Record, modal: ModalEstimate, stated: _Stated) -> _Fitted:
             record=record,
             arc=arc,
             solution=solution,
-            ridge=Ridge.of(problem, solution),
-            priors=tuple(
-                belief.printed
-                for belief in beliefs
-                if belief.printed is not None and (solution.rubbed or Unknown.FRICTION not in belief.weights)
-            ),
+            ridge=Ridge.of(problem, solution, springs_only=stated.nonnegative_stiffness),
+            priors=(*_printed(beliefs, solution), *([NO_PUSH] if stated.nonnegative_stiffness else [])),
             comparison=fit_positions(record, solution.parameters, modal, radius_m=arc.radius_m, mass_kg=stated.mass_kg),
         )
     except (ValueError, np.linalg.LinAlgError) as fault:
         raise _undetermined("no pendulum follows this motion: check the window and the tags' sizes") from fault
+
+
+def _printed(beliefs: tuple[Belief, ...], solution: Solution) -> list[Prior]:
+    """Return what a result says of the beliefs that took part."""
+    took_part = (belief for belief in beliefs if solution.rubbed or Unknown.FRICTION not in belief.weights)
+    return [belief.printed for belief in took_part if belief.printed is not None]
 
 
 def _arc_of_window(track: Track, tool: TagTrack, window: Window) -> Arc:

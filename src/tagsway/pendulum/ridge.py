@@ -7,10 +7,10 @@ from typing import Self
 
 import numpy as np
 
-from tagsway.model import Estimate, FloatArray, RidgeCurve
+from tagsway.model import GRAVITY_M_S2, Estimate, FloatArray, RidgeCurve
 from tagsway.model.estimate import NORMAL_95
 from tagsway.pendulum.fit import Solution
-from tagsway.pendulum.model import Unknown, length_m, stiffness_over_inertia
+from tagsway.pendulum.model import Unknown, angular_frequency, length_m, stiffness_over_inertia
 from tagsway.pendulum.problem import Problem
 
 POINTS = 15
@@ -25,6 +25,9 @@ LONGEST_REACH = 0.7
 CHORDS, LEAST_GAIN = 3, 0.01
 """Steps with one set of slopes, each of which leaves about as much of the way as the slopes change along it; the last
 one gains less than this in χ²."""
+
+FINE_POINTS, CONTRADICTED_CHI2 = 2001, 9.0
+"""Of the profile as a density in k, and the χ² that k ≥ 0 may cost: three standard errors."""
 
 NARROW_REACH = 0.05
 """Up to which the slopes at the best fit serve for all lengths."""
@@ -42,14 +45,17 @@ class Ridge:
         In the order of l.
     delta_chi2 : ndarray, shape (m,)
         What each costs more than the best.
+    springs_only : bool
+        Whether lengths that need a k below zero are ruled out beforehand.
     """
 
     solution: Solution
     parameters: FloatArray
     delta_chi2: FloatArray
+    springs_only: bool = False
 
     @classmethod
-    def of(cls, problem: Problem, solution: Solution) -> Self:
+    def of(cls, problem: Problem, solution: Solution, *, springs_only: bool = False) -> Self:
         """Return the profile over l of a fit.
 
         Parameters
@@ -58,6 +64,8 @@ class Ridge:
             What the fit made small.
         solution : Solution
             Its minimum.
+        springs_only : bool
+            As above.
 
         Notes
         -----
@@ -93,7 +101,7 @@ class Ridge:
             cost = np.minimum(now, cost)
             if not gained > LEAST_GAIN:
                 break
-        return cls(solution=solution, parameters=best, delta_chi2=cost - np.min(cost))
+        return cls(solution=solution, parameters=best, delta_chi2=cost - np.min(cost), springs_only=springs_only)
 
     def curve(self) -> RidgeCurve:
         """Return what is drawn."""
@@ -116,7 +124,7 @@ class Ridge:
         -------
         Estimate
             Its interval lies where Δχ² passes 3.84, wider where the bootstrap says more than the fit; what scatters
-            beside l is added. Beyond the profile it ends with the profile.
+            beside l is added. Beyond the profile it ends with the profile. Where k ≥ 0 is stated, see `_hold`.
         """
         solution = self.solution
         value, std = float(quantity(solution.parameters[:, None])[0]), solution.std(quantity)
@@ -124,12 +132,52 @@ class Ridge:
         slope, of_length = self._slope(quantity), solution.std(lambda p: p[Unknown.LOG_LENGTH], of_fit=True)
         aside = math.sqrt(max(of_fit**2 - (slope * of_length) ** 2, 0.0))
         wider = std / of_fit if of_fit > 0 else 1.0
+        if self.springs_only and (held := self._hold(quantity, wider)) is not None:
+            return held
         middle = np.argmin(self.delta_chi2)
         sign = np.where(np.arange(POINTS) < middle, -1.0, 1.0)
         score = np.maximum.accumulate(sign * np.sqrt(self.delta_chi2))
         ends = np.interp([-NORMAL_95 * wider, NORMAL_95 * wider], score, quantity(self.parameters))
         gaps = np.hypot([min(*ends, value) - value, max(*ends, value) - value], NORMAL_95 * wider * aside)
         return Estimate(value=value, std=std, ci95=(value - float(gaps[0]), value + float(gaps[1])))
+
+    def _hold(self, quantity: Callable[[FloatArray], FloatArray], wider: float) -> Estimate | None:
+        """Return the mean of a quantity over the lengths that leave k ≥ 0, and the shortest interval of 95 %.
+
+        The profile is taken for the posterior density, flat beforehand in k. None where the data leave such lengths
+        next to nothing: the fit alone then says that they contradict it.
+        """
+        stiffness = stiffness_over_inertia(self.parameters)
+        order = np.argsort(stiffness)
+        fine = np.linspace(max(stiffness.min(), 0.0), stiffness.max(), FINE_POINTS)
+        chi2 = np.interp(fine, stiffness[order], self.delta_chi2[order]) / wider**2
+        if not (fine[-1] > fine[0] and np.min(chi2) < CONTRADICTED_CHI2):
+            return None
+        share = np.exp(-chi2 / 2)
+        share /= np.sum(share)
+        values = np.interp(fine, stiffness[order], quantity(self.parameters)[order])
+        value = float(share @ values)
+        aside = self._scatter_of_frequency(quantity)
+        std = math.hypot(math.sqrt(float(share @ (values - value) ** 2)), aside)
+        likely = np.argsort(-share, kind="stable")
+        kept = likely[: 1 + np.searchsorted(np.cumsum(share[likely]), 0.95)]
+        ends = np.array([values[kept].min(), values[kept].max()])
+        gaps, beside = np.abs(ends - value), NORMAL_95 * aside
+        # An edge is smeared by all of what scatters beside it, a bell's flank by its share.
+        gaps = np.where((ends == values[0]) & (fine[0] == 0), gaps + beside, np.hypot(gaps, beside))
+        low, high = value - gaps[0], value + gaps[1]
+        if abs(values[0]) < 1e-9 * np.max(np.abs(values)):  # k itself, or what is in proportion to it
+            low = max(low, 0.0)
+        return Estimate(value=value, std=std, ci95=(float(low), float(high)))
+
+    def _scatter_of_frequency(self, quantity: Callable[[FloatArray], FloatArray]) -> float:
+        """Return what the error of f_n makes of a quantity where k/J is known: l follows from both."""
+        best = self.solution.parameters[:, None]
+        turn = np.zeros_like(best)
+        turn[Unknown.LOG_FREQUENCY] = 1.0
+        turn[Unknown.LOG_LENGTH] = -2 * angular_frequency(best) ** 2 * length_m(best) / GRAVITY_M_S2
+        ends = quantity(np.hstack([best - 1e-6 * turn, best + 1e-6 * turn]))
+        return abs(float(ends[1] - ends[0])) / 2e-6 * self.solution.std(lambda p: p[Unknown.LOG_FREQUENCY])
 
     def _slope(self, quantity: Callable[[FloatArray], FloatArray]) -> float:
         """Return how a quantity changes with ln l along the ridge."""

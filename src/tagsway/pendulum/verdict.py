@@ -175,6 +175,8 @@ def describe(verdict: Verdict, estimate: PendulumEstimate, solution: Solution) -
                 "that moves alike; k/J and b/J are what is known",
             )
         )
+    if any(prior.at_least for prior in estimate.priors):
+        notices.append(Notice(code="prior_stated", message="taken as stated: k ≥ 0"))
     stated = [prior for prior in estimate.priors if prior.name in STATED]
     for prior in stated:
         words = f"{STATED[prior.name]} = {prior.value:g} ± {prior.std:.2g} {'' if prior.unit == '1' else prior.unit}"

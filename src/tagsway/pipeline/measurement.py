@@ -136,6 +136,7 @@ def _fit_pendulum(
             mass_kg=settings.mass_kg,
             point_mass=settings.point_mass,
             length_m=settings.length_m,
+            nonnegative_stiffness=settings.nonnegative_stiffness,
             rng=np.random.default_rng(0),
         ),
         depends_on=[
@@ -146,6 +147,7 @@ def _fit_pendulum(
             settings.sway_axis,
             settings.point_mass,
             settings.length_m,
+            settings.nonnegative_stiffness,
         ],
     )
 

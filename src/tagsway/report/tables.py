@@ -34,6 +34,7 @@ PRIORS = {
     "dry_friction": "dry friction",
     "length_over_radius": "stated l/r",
     "length": "stated l",
+    "stiffness": "stated k",
 }
 
 
@@ -158,7 +159,9 @@ def _prior_rows(priors: tuple[Prior, ...]) -> list[Row]:
     words = []
     for prior in priors:
         name = PRIORS.get(prior.name, prior.name)
-        if prior.unit == "1":
+        if prior.at_least:
+            words.append(f"{name} ≥ {prior.value:g}")
+        elif prior.unit == "1":
             percent = f"± {100 * prior.std:.2g} %"
             words.append(f"{name} {percent}" if prior.value == 0 else f"{name} = {prior.value:g} {percent}")
         else:

@@ -43,6 +43,7 @@ class Options:
     mass: float | None = None
     point_mass: bool = False
     length: float | None = None
+    nonnegative_stiffness: bool = False
     other: str | None = None
     sway_axis: str | float | None = None
     window: str | None = None
@@ -105,6 +106,7 @@ def make_settings(stated: Mapping[str, Any], *, origin: str) -> Settings:
             mass_kg=_thousandth(options.mass),
             point_mass=options.point_mass,
             length_m=_thousandth(options.length),
+            nonnegative_stiffness=options.nonnegative_stiffness,
             other=options.other,
             sway_axis=None if options.sway_axis is None else str(options.sway_axis),
             window=None if options.window is None else _window(options.window),
