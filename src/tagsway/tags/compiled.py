@@ -1,0 +1,40 @@
+"""Loops over pixels that numba compiles: once for a machine, then they are read from its cache."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, ParamSpec, TypeVar
+
+from numba import njit
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+# The decoder goes on meanwhile; sums may be taken in any order, and a division by zero gives infinity, else no loop is
+# done sixteen pixels at a time. NaN stays NaN.
+_HOW: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract", "nsz"},
+}
+
+
+def compile_part(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Return a function that others in the same file, once compiled, can call; nothing is compiled yet."""
+    compiled: Callable[_P, _R] = njit(**_HOW)(function)
+    return compiled
+
+
+def compile_whole(function: Callable[_P, _R], signature: tuple[Any, ...]) -> Callable[_P, _R]:
+    """Return a function compiled for one signature, from the cache where it is there.
+
+    The cache lies beside the source file, else in the user's own cache folder (NUMBA_CACHE_DIR names another); where
+    none of these can be written the function is compiled anew in every process. It knows when the file changes, not
+    when another one does: what is compiled together stands in one file.
+    """
+    compiled = njit(**_HOW)(function)
+    with suppress(RuntimeError):
+        compiled.enable_caching()
+    compiled.compile(signature)
+    compiled.disable_compile()  # an array of another layout is taken as it is, not compiled for
+    whole: Callable[_P, _R] = compiled
+    return whole
