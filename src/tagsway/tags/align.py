@@ -210,7 +210,7 @@ class Aligner:
             depth = float(predicted[2, 2])
             right, down = float(h[0, 2] - predicted[0, 2] / depth), float(h[1, 2] - predicted[1, 2] / depth)
             turn = math.remainder(_measure_angle(h) - _measure_angle(predicted), 2 * math.pi)
-            self._scatter.add(np.array([right, down, turn]), np.array(variances))
+            self._scatter.add((right, down, turn), variances)
         (xx, yy, turned), factor = self._inflate(variances)
         return Sighting(
             homography=h,
@@ -227,7 +227,7 @@ class Aligner:
         self._shifts_px2 = 0.0
         if not self._log_ratio[0] + self._log_ratio[1] > 2 * _COMPRESSED_LOG_RATIO:
             return variances, 1.0
-        scatter = [min(part, most) for part, most in zip(self._scatter.variance.tolist(), _MOST_SCATTER, strict=True)]
+        scatter = [min(part, most) for part, most in zip(self._scatter.variance, _MOST_SCATTER, strict=True)]
         self._shifts_px2 = scatter[0]
         factors = [max(part / stated, 1.0) for part, stated in zip(scatter, variances, strict=True)]
         inflated = [part * factor for part, factor in zip(variances, factors, strict=True)]

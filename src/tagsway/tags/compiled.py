@@ -9,13 +9,9 @@ from numba import njit
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-# The decoder goes on meanwhile; sums may be taken in any order, and a division by zero gives infinity, else no loop is
-# done sixteen pixels at a time. NaN stays NaN.
-_HOW: dict[str, Any] = {
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"reassoc", "contract", "nsz"},
-}
+# Sums may be taken in any order, and a division by zero gives infinity, else no loop is done sixteen pixels at a time.
+# NaN stays NaN.
+_HOW: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
 
 
 def compile_part(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -24,14 +20,19 @@ def compile_part(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return compiled
 
 
-def compile_whole(function: Callable[_P, _R], signature: tuple[Any, ...]) -> Callable[_P, _R]:
+def compile_whole(
+    function: Callable[_P, _R], signature: tuple[Any, ...], *, without_lock: bool = False
+) -> Callable[_P, _R]:
     """Return a function compiled for one signature, from the cache where it is there.
+
+    Without the interpreter's lock the decoder goes on meanwhile; but giving it up and taking it again costs as much as
+    a short function.
 
     The cache lies beside the source file, else in the user's own cache folder (NUMBA_CACHE_DIR names another); where
     none of these can be written the function is compiled anew in every process. It knows when the file changes, not
     when another one does: what is compiled together stands in one file.
     """
-    compiled = njit(**_HOW)(function)
+    compiled = njit(**_HOW, nogil=without_lock)(function)
     with suppress(RuntimeError):
         compiled.enable_caching()
     compiled.compile(signature)

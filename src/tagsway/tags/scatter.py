@@ -1,23 +1,12 @@
 """How far measured places scatter in time, which is what a codec's shifts of whole blocks show in alone."""
 
 import math
-
-import numpy as np
-
-from tagsway.model import FloatArray
+from collections.abc import Sequence
 
 _MEMORY = 32  # frames
 _ORDERS = 4  # of further differences: what moves fast at few frames a second is gone in the highest
-# Each row makes a further difference of the last innovations, of the variance of one place where they are white noise.
-_DIFFERENCES = np.array(
-    [
-        [
-            (-1) ** back * math.comb(further, back) / math.sqrt(math.comb(2 * further + 6, further + 3))
-            for back in range(_ORDERS)
-        ]
-        for further in range(_ORDERS)
-    ]
-)
+# What makes the variance of one place of the square of each further difference, where the places are white noise.
+_SHARES = tuple(1 / math.comb(2 * further + 6, further + 3) for further in range(_ORDERS))
 _FEWEST = 8
 _MOST_AT_ONCE = 16.0  # a jerk of the tag is no noise: one square counts as no more than so many
 _COLOUR = 1.15  # a codec's noise is a little larger than its differences say: neighbours share some of it
@@ -37,38 +26,40 @@ class Scatter:
     """
 
     def __init__(self) -> None:
-        self._innovations = np.zeros((_ORDERS, 3))  # the newest first
+        self._last = [[0.0] * _ORDERS for _ in range(3)]  # further differences of x, y and angle
+        self._squares = [[0.0] * _ORDERS for _ in range(3)]
+        self._counts = [0] * _ORDERS
         self._held = 0
-        self._squares = np.zeros((_ORDERS, 3))
-        self._counts = np.zeros((_ORDERS, 1))
-        self._variance = np.zeros(3)
+        self._variance = [0.0] * 3
 
     @property
-    def variance(self) -> FloatArray:
-        """Of (x, y, angle), shape (3,); 0 as long as too few frames have been seen."""
+    def variance(self) -> Sequence[float]:
+        """Of x, y and angle; 0 as long as too few frames have been seen."""
         return self._variance
 
-    def add(self, innovation: FloatArray, stated: FloatArray) -> None:
+    def add(self, innovation: Sequence[float], stated: Sequence[float]) -> None:
         """Take in one frame.
 
         Parameters
         ----------
-        innovation : ndarray, shape (3,)
+        innovation : sequence of 3 float
             Measured less predicted centre (x, y in px) and angle (rad).
-        stated : ndarray, shape (3,)
+        stated : sequence of 3 float
             Variances of these measurements as the image alone shows them.
         """
-        self._innovations[1:] = self._innovations[:-1]
-        self._innovations[0] = innovation
         self._held = min(self._held + 1, _ORDERS)
-        known = slice(self._held)
-        differences = _DIFFERENCES[known] @ self._innovations
-        squares = np.minimum(differences * differences, _MOST_AT_ONCE * np.maximum(self._variance, stated))
-        self._counts[known] += 1
-        self._squares[known] += (squares - self._squares[known]) / np.minimum(self._counts[known], _MEMORY)
-        settled = np.count_nonzero(self._counts >= _FEWEST)  # the first orders
-        if settled:
-            self._variance = _COLOUR * self._squares[:settled].min(axis=0)
+        for order in range(self._held):
+            self._counts[order] += 1
+        settled = sum(count >= _FEWEST for count in self._counts)  # the first orders
+        for k, (difference, variance) in enumerate(zip(innovation, stated, strict=True)):
+            most = _MOST_AT_ONCE * max(self._variance[k], variance)
+            last, squares = self._last[k], self._squares[k]
+            for order in range(self._held):
+                square = min(difference * difference * _SHARES[order], most)
+                squares[order] += (square - squares[order]) / min(self._counts[order], _MEMORY)
+                last[order], difference = difference, difference - last[order]
+            if settled:
+                self._variance[k] = _COLOUR * min(squares[:settled])
 
     def interrupt(self) -> None:
         """Forget the last frames, after a gap, but not how much they scattered."""

@@ -226,4 +226,4 @@ def load_see() -> Callable[..., tuple[Float32Array, IntArray, int]]:
     grey = types.Array(types.uint8, 2, "A", readonly=True)
     homography = types.Array(double, 2, "A", readonly=True)
     texture, streak = types.Array(single, 3, "C", readonly=True), types.Array(single, 2, "C", readonly=True)
-    return compile_whole(_see, (grey, homography, texture, double, double, double, streak))
+    return compile_whole(_see, (grey, homography, texture, double, double, double, streak), without_lock=True)

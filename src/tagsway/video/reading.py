@@ -10,16 +10,18 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import percentile_filter
 
 from tagsway.errors import InputError
-from tagsway.model import BoolArray, Frame, GreyArray, IntArray, Notice, VideoInfo
+from tagsway.model import BoolArray, Frame, GreyArray, Notice, VideoInfo
 from tagsway.video.clock import Clock, count_clock, fit_clock
 from tagsway.video.opening import open_source
 from tagsway.video.source import Stamps
 
 _FIRST_PLACES = 4  # images that may wait until the first one's size is known ...
 _MOST_QUEUED_PX = 48 << 20  # ... and what all that wait may hold: 72 MB with their colours, 38 images of 1280 x 1024
+_AT_ONCE = 4  # images that are handed over together: each time wakes a thread, and finds the tracker's memory cold
 _THINNED = (32, 80)  # rows and columns of pixels that tell whether an image is new
 _REPEATED = 0.25  # of the usual change from image to image; a repeated one, coded again, has shown up to 0.13
 _USUAL_PERCENT, _AROUND = 90, 21  # of the changes around, of which three in four may be repeated images'
@@ -113,6 +115,7 @@ class FrameReader(Iterator[Frame]):
         # What waits, and the places for it: a C queue each, for a lock of Python's costs the tracker its time.
         self._decoded: SimpleQueue[Any] = SimpleQueue()
         self._places: SimpleQueue[None] = SimpleQueue()
+        self._handed: list[Any] = []
         self._queue_frames = queue_frames
         self._allow(min(max(queue_frames, 1), _FIRST_PLACES))
         self._stopped = False
@@ -120,7 +123,7 @@ class FrameReader(Iterator[Frame]):
         self._started = self._ended = False
         self._read = self._taken = 0
         self._size = (0, 0)
-        self._last: IntArray | None = None
+        self._last: NDArray[np.int16] | None = None
         self._changes = np.full(len(clock.stamps), np.inf)
 
     def __iter__(self) -> Self:
@@ -139,7 +142,10 @@ class FrameReader(Iterator[Frame]):
             self._started = True
             self._thread.start()
         while not self._ended:
-            entry = self._decoded.get()
+            if not self._handed:
+                self._handed = self._decoded.get()
+                self._handed.reverse()
+            entry = self._handed.pop()
             if entry is None:
                 self._end()
             elif isinstance(entry, BaseException):
@@ -160,6 +166,7 @@ class FrameReader(Iterator[Frame]):
             self._places.put(None)
             self._thread.join()
         self._decoded = SimpleQueue()
+        self._handed = []
 
     @property
     def info(self) -> VideoInfo:
@@ -247,22 +254,27 @@ class FrameReader(Iterator[Frame]):
     def _measure_change(self, grey: GreyArray) -> float:
         """Return by how much some pixels differ from the image before, on average; infinity for the first."""
         down, right = (max(side // count, 1) for side, count in zip(grey.shape, _THINNED, strict=True))
-        thinned = grey[::down, ::right].astype(np.int64)
-        change = math.inf if self._last is None else float(np.abs(thinned - self._last).mean())
+        thinned = grey[::down, ::right].astype(np.int16)
+        change = math.inf if self._last is None else float(np.abs(thinned - self._last).sum()) / thinned.size
         self._last = thinned
         return change
 
     def _decode(self, decoder_threads: int) -> None:
         """Decode until the end, or until told to stop; what comes last is None or an error."""
+        entries: list[Any] = []
         try:
             for entry in self._source.decode(decoder_threads):
+                entries.append(entry)
+                if len(entries) == _AT_ONCE or self._places.empty():
+                    self._decoded.put(entries)
+                    entries = []
                 self._places.get()
                 if self._stopped:
                     return
-                self._decoded.put(entry)
-            self._decoded.put(None)
+            entries.append(None)
         except Exception as error:
-            self._decoded.put(error)
+            entries.append(error)
+        self._decoded.put(entries)
 
 
 def _count(number: int, what: str) -> str:
