@@ -11,11 +11,11 @@ from tagsway.model import IntArray
 from tagsway.tags.compiled import compile_part, compile_whole
 from tagsway.tags.template import Float32Array
 
-SMALLEST_REGION_PX = 10
 PLANES = 7
-"""The pattern's derivatives by x and y of the image, in units of the scale, the pattern, its weight, the image times the
-weight, and where the pixel lies about the tag's centre, right and down, in units of the scale."""
+"""Of numbers for each pixel: the pattern's derivatives by x and y of the image, in units of the scale; the pattern; its
+weight; the image times that; how far right of and below the tag's centre the pixel lies, in units of the scale."""
 
+_SMALLEST_REGION_PX = 10
 _KNOWN_WEIGHT = np.float32(0.999)  # a pixel that a streak brings less of the pattern to is not known
 _MIDDLE_GREY = np.float32(128)  # taken off, so that sums of squares keep their digits
 _ZERO, _ONE = np.float32(0), np.float32(1)
@@ -34,7 +34,7 @@ def _find_region(shape, h, half_width):
     left, top = max(np.floor(left), 0.0), max(np.floor(top), 0.0)
     right, bottom = min(np.ceil(right), shape[1] - 1.0), min(np.ceil(bottom), shape[0] - 1.0)
     width, height = right - left + 1, bottom - top + 1
-    if width >= SMALLEST_REGION_PX and height >= SMALLEST_REGION_PX:
+    if width >= _SMALLEST_REGION_PX and height >= _SMALLEST_REGION_PX:
         return int(left), int(top), int(width), int(height)
     return 0, 0, 0, 0
 
@@ -170,7 +170,7 @@ def _smear_row(seen, start, stride, count, streak, smeared):
 
 @compile_part
 def _split_row(seen, count, grey, shares, x_first, y, step, planes, first):
-    """Write a row's pixels into the planes; a loop that writes more than two is not done sixteen at a time."""
+    """Write a row's pixels into the planes; loops that write into more than two are not done sixteen at a time."""
     end = first + count
     by_x, by_y, pattern, weight = planes[0, first:end], planes[1, first:end], planes[2, first:end], planes[3, first:end]
     image, x_plane, y_plane = planes[4, first:end], planes[5, first:end], planes[6, first:end]
@@ -189,6 +189,7 @@ def _split_row(seen, count, grey, shares, x_first, y, step, planes, first):
 
 
 def _see(grey, homography, texture, half_width, known_width, scale, streak):
+    """Return the planes, where each row's pixels begin, and the region's width: see `load_see`."""
     left, top, width, height = _find_region(grey.shape, homography, known_width)
     down, right = streak.shape[0] // 2, streak.shape[1] // 2
     stride = 4 * (width + 2 * right)

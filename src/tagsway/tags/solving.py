@@ -40,6 +40,7 @@ _TERMS = np.array(
 _PAIRS = np.array([[0, 1, 2, 3, 4], [1, 5, 6, 7, 8], [2, 6, 9, 10, 11], [3, 7, 10, 12, 13], [4, 8, 11, 13, 14]])
 _MONOMIALS = 15  # of x and y, up to the fourth power: 1, x, y, x², xy, y², x³ ...
 
+
 @compile_part
 def _sum_powers(a, b, x, y, sums):
     """Add the sums of the planes' product times the powers of x and y up to the second."""
@@ -83,7 +84,11 @@ def _sum_plain(a, b, c, sums):
 
 @compile_part
 def _multiply(planes):
-    """Return the scalar products of the solution's columns and the image, shape (11, 11)."""
+    """Return the scalar products of the solution's columns and the image, shape (11, 11).
+
+    The columns of J are the pattern's derivatives times powers of x and y, so all of JᵀJ and JᵀI are moments of nine
+    products of planes: no column is ever formed.
+    """
     sums = np.zeros((15, _MONOMIALS))
     count = planes.shape[1]
     for start in range(0, count, _CHUNK):
@@ -146,7 +151,8 @@ def _dot(a, b):
 def _move_back(h, step, scale, moved):
     """Write V⁻¹ H to third order in the step, V given about the tag's centre in units of the scale."""
     x, y = h[0, 2], h[1, 2]
-    dx, dy, xx, xy, yx, yy, p, q = step[0], step[1], step[2], step[3], step[4], step[5], step[6] / scale, step[7] / scale
+    dx, dy, xx, xy = step[0], step[1], step[2], step[3]
+    yx, yy, p, q = step[4], step[5], step[6] / scale, step[7] / scale
     t = -p * x - q * y
     move = np.empty((3, 3))
     move[0, 0], move[0, 1], move[0, 2] = xx + x * p, xy + x * q, scale * dx - xx * x - xy * y + x * t
@@ -209,6 +215,7 @@ def _find_wanted(h, scale):
 
 
 def _solve(planes, rows, width, h, scale, with_blocks):
+    """Return the summary of a step: see `load_solve`."""
     summary = np.empty(SUMMARY)
     summary[:] = math.nan
     products = _multiply(planes)
