@@ -264,13 +264,13 @@ class FrameReader(Iterator[Frame]):
         entries: list[Any] = []
         try:
             for entry in self._source.decode(decoder_threads):
-                entries.append(entry)
-                if len(entries) == _AT_ONCE or self._places.empty():
+                if entries and (len(entries) == _AT_ONCE or self._places.empty()):
                     self._decoded.put(entries)
                     entries = []
                 self._places.get()
                 if self._stopped:
                     return
+                entries.append(entry)
             entries.append(None)
         except Exception as error:
             entries.append(error)
