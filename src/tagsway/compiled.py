@@ -1,4 +1,4 @@
-"""Loops over pixels that numba compiles: once for a machine, then they are read from its cache."""
+"""Loops that numba compiles: once for a machine, then they are read from its cache."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -16,7 +16,7 @@ from tagsway.model import FloatArray
 
 
 @compile_part
-def _slopes(q, p, x, z, constants, j, stiction):  # type: ignore[no-untyped-def]  # numba finds the types
+def _slopes(q, p, x, z, constants, j, stiction):
     """Return q' and p' under a pivot's velocity over l."""
     sine, cosine = math.sin(q), math.cos(q)
     rate = p - x * cosine - z * sine
@@ -28,7 +28,7 @@ def _slopes(q, p, x, z, constants, j, stiction):  # type: ignore[no-untyped-def]
 
 
 @compile_part
-def _step(q, p, start, middle, end, k, step, constants, j, stiction):  # type: ignore[no-untyped-def]
+def _step(q, p, start, middle, end, k, step, constants, j, stiction):
     """Return q and p one step later; the pivot's velocities are in column k of their arrays."""
     half, per_length = step / 2, 1 / constants[0, j]
     x, z = middle[0, k] * per_length, middle[1, k] * per_length
@@ -40,7 +40,7 @@ def _step(q, p, start, middle, end, k, step, constants, j, stiction):  # type: i
     return q + step / 6 * (q1 + 2 * (q2 + q3) + q4), p + step / 6 * (p1 + 2 * (p2 + p3) + p4)
 
 
-def _march(start, velocity, steps, constants, stiction):  # type: ignore[no-untyped-def]
+def _march(start, velocity, steps, constants, stiction):
     n, m = len(steps) + 1, start.shape[1]
     states = np.empty((2, n, m))
     states[:, 0] = start
@@ -62,7 +62,7 @@ def _march(start, velocity, steps, constants, stiction):  # type: ignore[no-unty
     return states
 
 
-def _step_each(states, velocity, step, constants, stiction):  # type: ignore[no-untyped-def]
+def _step_each(states, velocity, step, constants, stiction):
     n, m = states.shape[1], max(states.shape[2], velocity.shape[3], constants.shape[1])
     ends = np.empty((2, n, m))
     for i in range(n):
