@@ -52,14 +52,16 @@ def retune(
 
 def _words(found: "Retuned", shaper: Path) -> str:
     frequency, damping, gain = found.natural_frequency_hz, found.damping_ratio, found.gain
-    mode = found.shaper.modes[0]
+    mode, residual = found.shaper.modes[0], found.residual_m
     return "\n".join(
         [
-            f"residual {1e3 * found.residual_m.value:.2f} mm, phase {found.phase_rad.value:.2f} rad at the move's end",
+            f"residual {1e3 * residual.value:.2f} ± {1e3 * residual.std:.2f} mm, phase {found.phase_rad.value:.2f} rad "
+            "at the move's end",
             f"natural frequency {frequency.value:.4f} ± {frequency.std:.4f} Hz, "
             f"damping ratio {damping.value:.4f} ± {damping.std:.4f}",
             f"{shaper} anew: {found.shaper.type} for {mode.frequency_hz:.4f} Hz, {mode.damping_ratio:.4f}",
             f"expected residual {1e3 * found.expected_m.value:.2f} ± {1e3 * found.expected_m.std:.2f} mm: "
             f"{100 * gain.value:.0f} ± {100 * gain.std:.0f} % of it go, for the same payload",
+            *(f"warning: {notice.message}" for notice in found.notices),
         ]
     )

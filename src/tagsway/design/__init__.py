@@ -29,7 +29,8 @@ from tagsway.design.payload import (
     sample_payloads,
 )
 from tagsway.design.problem import OptimiserSettings
-from tagsway.design.retune import ResidualRecord, Retuned, retune_shaper
+from tagsway.design.residual import PriorPayload, ResidualRecord
+from tagsway.design.retune import Retuned, retune_shaper
 from tagsway.design.search import Candidate, SearchSettings, Verdict, search_candidate
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "Outcome",
     "PayloadSpread",
     "Payloads",
+    "PriorPayload",
     "ResidualRecord",
     "Retuned",
     "SearchSettings",

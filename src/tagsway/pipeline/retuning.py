@@ -6,13 +6,24 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from tagsway.design import PayloadSpread, ResidualRecord, Retuned, retune_shaper
+from tagsway.design import PriorPayload, ResidualRecord, Retuned, retune_shaper
 from tagsway.design.motion import find_way
-from tagsway.design.retune import PivotVelocity
+from tagsway.design.residual import PivotVelocity
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import clean_track
 from tagsway.indicators import find_last_move
-from tagsway.model import GRAVITY_M_S2, CleanTrack, FloatArray, Mode, Result, Shaper, Track, Trajectory, Window
+from tagsway.model import (
+    GRAVITY_M_S2,
+    CleanTrack,
+    Estimate,
+    FloatArray,
+    Mode,
+    Result,
+    Shaper,
+    Track,
+    Trajectory,
+    Window,
+)
 from tagsway.store.documents import read_result, read_shaper
 from tagsway.store.moves import read_move
 from tagsway.store.tracks import read_track
@@ -24,8 +35,8 @@ SEARCHED_S = 0.1
 REST_SHARE = 0.3
 """Of the record, at its end: a tool that stands so long has ended its move."""
 
-ASSUMED_PERCENT = 10.0
-"""Of the prior's frequency; the search itself is wider."""
+STATED_LENGTH, UNKNOWN_LENGTH = 0.02, 0.15
+"""Standard errors of a length that is stated, and of one that is not known: a spring makes it longer than g/ω²."""
 
 
 def retune_from_files(
@@ -61,7 +72,7 @@ def retune_from_files(
     """
     measured, used = read_result(result), read_shaper(shaper)
     track = read_track(result.parent / "track.csv")
-    payload = _payload(measured, used, length_m)
+    prior = _prior(measured, used, length_m)
     asked = None if move is None else read_move(move)
     trajectory = None if asked is None else plan_shaped(asked, used)
     record = _record(measured, track, trajectory, source=str(result))
@@ -74,33 +85,28 @@ def retune_from_files(
     return retune_shaper(
         record,
         used,
-        payload,
+        prior,
         spread_percent=spread_percent,
         replan=None if asked is None or not asked.shaped_axes else replan,
         rng=np.random.default_rng(seed),
     )
 
 
-def _payload(measured: Result, used: Shaper, length_m: float | None) -> PayloadSpread:
+def _prior(measured: Result, used: Shaper, length_m: float | None) -> PriorPayload:
     if not used.modes:
         raise InputError(f"a shaper {used.type!r} without a mode cannot be corrected: design it for one")
     mode = Mode(natural_frequency_hz=used.modes[0].frequency_hz, damping_ratio=used.modes[0].damping_ratio)
     pendulum = measured.pendulum
     free = GRAVITY_M_S2 / mode.angular_frequency_rad_s**2
-    length = length_m or free
-    if length_m is None and pendulum is not None and pendulum.determined and pendulum.length_m is not None:
-        length = max(pendulum.length_m.value, free)
-    radius = length
+    length = Estimate.normal(free, UNKNOWN_LENGTH * free)
+    if length_m is not None:
+        length = Estimate.normal(length_m, STATED_LENGTH * length_m)
+    elif pendulum is not None and pendulum.determined and pendulum.length_m is not None:
+        length = pendulum.length_m
+    radius = length.value
     if pendulum is not None and pendulum.tag_radius_m is not None:
         radius = pendulum.tag_radius_m.value
-    return PayloadSpread(
-        mode=mode,
-        frequency_percent=ASSUMED_PERCENT,
-        damping_low=mode.damping_ratio,
-        damping_high=mode.damping_ratio,
-        length_m=length,
-        tag_radius_m=radius,
-    )
+    return PriorPayload(mode=mode, length_m=length, tag_radius_m=radius)
 
 
 def _record(measured: Result, track: Track, trajectory: Trajectory | None, *, source: str) -> ResidualRecord:

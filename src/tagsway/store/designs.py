@@ -104,6 +104,7 @@ def retune_document(retuned: Retuned) -> dict[str, Any]:
         },
         "gain": to_document(retuned.gain),
         "shaper": shaper_document(retuned.shaper),
+        "warnings": to_document(list(retuned.notices)),
     }
 
 
