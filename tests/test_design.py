@@ -28,7 +28,7 @@ from tagsway.design import (
 from tagsway.design.motion import find_way, simulate_together
 from tagsway.design.planning import find_peaks, plan_candidate, vertical_kept
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import GRAVITY_M_S2, DesignMode, Mode
+from tagsway.model import GRAVITY_M_S2, DesignMode, Mode, Robot
 from tagsway.pipeline.designing import write_advice
 from tagsway.shapers import design_shaper
 from tagsway.store.documents import read_shaper
@@ -228,6 +228,15 @@ def test_limits_that_nothing_can_meet_name_the_one_that_fails_first(limit, name)
         design_move(task, rng=np.random.default_rng(3), optimise=False)
 
 
+def test_joints_that_no_move_can_keep_are_named_and_not_the_limits_that_they_come_with() -> None:
+    lengths = {"base": 0.2, "platform": 0.045, "upper": 0.348088, "lower": 0.8}
+    robot = Robot(kind="delta", lengths_m=lengths, joint_limits_deg=((-60.0, 30.0),))
+    task = small_task(moves=(replace(flexible_move(), robot=robot),), accelerations_m_s2=np.array([1.0, 5.0]))
+    # The place itself asks for 60.7 degrees of a leg.
+    with pytest.raises(NotIdentifiableError, match=": joints fails first"):
+        design_move(task, rng=np.random.default_rng(3), optimise=False)
+
+
 def test_the_box_limits_the_descent_as_the_indicator_has_it() -> None:
     """A level payload that does not swing is off by what the tool has still to go below the rim."""
     move = replace(flexible_move(), pick_height_m=0.03, place_height_m=0.03)
@@ -317,6 +326,11 @@ def move_file(tmp_path):
     path = tmp_path / "move.toml"
     path.write_text(MOVE, encoding="utf-8")
     return path
+
+
+def test_a_move_that_takes_minutes_is_refused_and_not_simulated() -> None:
+    with pytest.raises(InputError, match="expected at most 60 s"):
+        plan_candidate([flexible_move()], None, (), 5e-4, vertical_m=0.05)
 
 
 @pytest.mark.parametrize(

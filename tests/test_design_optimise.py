@@ -7,6 +7,7 @@ import pytest
 
 from design_cases import flexible_move, flexible_spread
 from tagsway.design import draw_payloads, optimise_move, read_limits, simulate_motion
+from tagsway.design.motion import Swing
 from tagsway.design.planning import find_peaks, vertical_kept
 from tagsway.design.problem import OptimiserSettings, Problem
 from test_design import swing_by_dop853
@@ -74,3 +75,30 @@ def test_an_optimised_move_keeps_its_limits_and_beats_the_candidates() -> None:
             found.trajectory, e.length_m[i], e.stiffness_over_inertia_rad2_s2[i], e.damping_over_inertia_rad_s[i]
         )
         assert after == pytest.approx(outcome.placement_m[i], abs=2e-5)  # discretisation, as in test_design
+
+
+@pytest.mark.slow
+def test_an_optimised_move_keeps_the_box_where_it_is_narrower_than_the_window() -> None:
+    move, spread = flexible_move(placement_window_mm=14.0), flexible_spread()
+    fresh = draw_payloads(spread, 500, rng=np.random.default_rng(56))
+    errors = [
+        simulate_motion(optimise_move(move, spread, read_limits(move, box_error_m=box)).trajectory, fresh).box_error_m
+        for box in (None, 0.008)
+    ]
+    # The share that a design promises; without the limit the box is missed.
+    assert np.mean(errors[0] <= 0.008) < 0.9
+    assert np.mean(errors[1] <= 0.008) >= 0.95
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.08])
+def test_the_room_in_the_box_is_what_is_left_below_the_rim_and_widens_above(height_m) -> None:
+    move = flexible_move()
+    problem = Problem.of(move, flexible_spread(), read_limits(move, box_error_m=0.015), OptimiserSettings())
+    m = len(problem.payloads)
+    angle = np.full((1, m), 0.2)
+    swing = Swing(angle_rad=angle, rate_rad_s=0 * angle)
+    near, far = problem._rooms_in_box(np.full((1, m), height_m), swing)
+    radius = problem.payloads.tag_radius_m
+    wide = 0.015 + 2 * np.maximum(height_m + radius * (1 - np.cos(0.2)) - 0.05, 0)
+    assert near[0] == pytest.approx(wide - radius * np.sin(0.2))  # identity
+    assert far[0] == pytest.approx(wide + radius * np.sin(0.2))  # identity

@@ -199,10 +199,24 @@ def _words(advice: "Advice", out: Path) -> str:
         found = advice.optimised
         lines.append(
             f"optimised: {found.move.motion_time_s:.3f} s, {found.move.motion_time_s / chosen.motion_time_s:.2f} of "
-            f"it, kept for {100 * found.verdict.share_kept:.1f} %; beyond the spread it fails sooner: see design.png"
+            f"it, kept for {100 * found.verdict.share_kept:.1f} %; found in {found.move.solve_s:.1f} s"
         )
+    lines += _beyond(advice)
     lines += [f"warning: {notice.message}" for notice in advice.notices]
     return "\n".join([*lines, f"written to {out}"])
+
+
+def _beyond(advice: "Advice") -> list[str]:
+    """Return what each motion leaves of a payload that is half as far again from the middle as the spread reaches."""
+    import numpy as np
+
+    beyond = advice.beyond
+    off = min(1.5 * advice.task.payload.band_percent, float(beyond.deviation_percent[-1]))
+    lines = [f"if f_n is {off:.0f} % off, beyond the spread, the product is left, in mm (see design.png):"]
+    for name, row in zip(beyond.names, beyond.placement_m, strict=True):
+        slow, quick = 1e3 * np.interp([-off, off], beyond.deviation_percent, row)
+        lines.append(f"  {slow:.1f} if slower, {quick:.1f} if quicker: {name}")
+    return lines
 
 
 def _gives_up(later_s: float, broken: str | None) -> str:

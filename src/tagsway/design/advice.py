@@ -14,13 +14,11 @@ from tagsway.design.planning import PlannedCandidate, ShapedAxes, find_peaks
 from tagsway.design.problem import OptimiserSettings
 from tagsway.design.search import Candidate, SearchSettings, Verdict, find_broken, find_nearest, judge, search_candidate
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import DesignMode, FloatArray, Mode, Move, Notice, Shaper, Spread, Trajectory
+from tagsway.model import NORMAL_95, DesignMode, FloatArray, Mode, Move, Notice, Shaper, Spread, Trajectory
 from tagsway.shapers import IMPULSE_TYPES, SHAPER_TYPES, Band, design_multimode, design_shaper
 
 SCANNED = 128
 """Payloads of the scan, spread evenly."""
-
-NORMAL_95 = 1.96
 
 OPTIMISED_SHARES = ((0.95, 0.87), (0.98, 0.95))
 """Of frequency and damping, in which an optimised move keeps the limits for every payload; the second where the fresh

@@ -6,8 +6,9 @@ a constraint. Its derivatives come from one batched run of the vectorised Runge-
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,14 @@ from tagsway.trajectories.limits import find_extremes
 
 _Vectorised = Callable[[FloatArray], FloatArray]
 
-ROUNDS = 4
+ROUNDS = 5
 """Of solving, checking finely, and tightening by what was broken."""
+
+TIGHTENING = 1.05
+NEGLIGIBLE: Mapping[str, float] = MappingProxyType(
+    {"placement_m": 1e-5, "pcp_m_s2": 1e-2, "swing_rad": 1e-3, "ceiling_m": 1e-7, "box_error_m": 1e-5}
+)
+"""By how much of what was broken a bound is tightened, and what is too little to count."""
 
 START_M_S2 = 6.0
 START_SWING_RAD = math.radians(75)
@@ -160,22 +167,19 @@ def _solve_and_tighten(
             pcp_m_s2=_excess(outcome.pcp_acceleration_m_s2, limits.pcp_acceleration_m_s2 or math.inf),
             swing_rad=_excess(outcome.swing_rad, wish.swing_rad),
             ceiling_m=_excess(height, problem.bounds.ceiling_m),
+            box_error_m=_excess(outcome.box_error_m, problem.bounds.box_error_m),
         )
-        if max(over.placement_m / 1e-5, over.pcp_m_s2 / 1e-2, over.swing_rad / 1e-3, over.ceiling_m / 1e-7) <= 1:
+        if all(getattr(over, name) <= little for name, little in NEGLIGIBLE.items()):
             return vector, done
-        b = tight.bounds
-        tight = replace(
-            tight,
-            bounds=Bounds(
-                placement_m=b.placement_m - 1.05 * over.placement_m,
-                pcp_m_s2=b.pcp_m_s2 - 1.05 * over.pcp_m_s2,
-                swing_rad=b.swing_rad - 1.05 * over.swing_rad,
-                ceiling_m=b.ceiling_m - 1.05 * over.ceiling_m,
-            ),
-        )
+        tightened = {name: getattr(tight.bounds, name) - TIGHTENING * getattr(over, name) for name in NEGLIGIBLE}
+        if not tight.boxed:
+            tightened["box_error_m"] = problem.bounds.box_error_m
+        boxed = tight.boxed or over.box_error_m > NEGLIGIBLE["box_error_m"]
+        tight = replace(tight, bounds=Bounds(**tightened), boxed=boxed)
+    off_mm = 1e3 * max(over.placement_m, over.box_error_m)
     raise NotIdentifiableError(
-        "no optimised move keeps the limits: after four rounds the product is still "
-        f"{1e3 * over.placement_m:.2g} mm and {over.pcp_m_s2:.2g} m/s² beyond them; allow more, or take a shaped move"
+        f"no optimised move keeps the limits: after {ROUNDS} rounds the product is still {off_mm:.2g} mm and "
+        f"{over.pcp_m_s2:.2g} m/s² beyond them; allow more, or take a shaped move"
     )
 
 
@@ -235,4 +239,5 @@ def _with_slopes(function: _Vectorised) -> tuple[_Vectorised, _Vectorised]:
 
 
 def _excess(values: FloatArray, limit: float) -> float:
-    return max(float(values.max()) - limit, 0.0)
+    """Return by how much the largest is above a limit; NaN, a product that never was above the box, exceeds none."""
+    return max(float(np.nan_to_num(values, nan=-np.inf).max()) - limit, 0.0)

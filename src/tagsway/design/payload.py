@@ -10,7 +10,7 @@ from scipy.stats import t as student_t
 
 from tagsway.dynamics import LightBody, PendulumEnsemble
 from tagsway.errors import InputError
-from tagsway.model import GRAVITY_M_S2, FloatArray, Mode
+from tagsway.model import GRAVITY_M_S2, NORMAL_95, FloatArray, Mode
 
 LOWEST_SHARE = 0.2
 """Of the nominal frequency: a normal distribution's tail below it is no payload."""
@@ -109,6 +109,11 @@ class PayloadSpread:
     def spring_m2_s2(self) -> float:
         """κ = k/m = (ω² - g/l) l², in m²/s²."""
         return (self.mode.angular_frequency_rad_s**2 - GRAVITY_M_S2 / self.length_m) * self.length_m**2
+
+    @property
+    def band_percent(self) -> float:
+        """Half the width, in percent of f_n, that holds all of a uniform spread and 95 % of a normal one."""
+        return self.frequency_percent * (1.0 if self.shape == "uniform" else NORMAL_95)
 
     @property
     def words(self) -> str:

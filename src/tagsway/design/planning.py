@@ -26,6 +26,9 @@ ENOUGH_M = 1e-6
 HIGHEST_M = 0.6
 """A higher vertical end is no pick and place."""
 
+LONGEST_S = 60.0
+"""A slower move is a mistyped limit."""
+
 LOOKS = 6
 """In each piece, for its peaks: a piece is a polynomial of low degree."""
 
@@ -80,6 +83,11 @@ def plan_candidate(
     vertical_m : float
         Height that must stay strictly vertical at both ends.
 
+    Raises
+    ------
+    InputError
+        Where there is no such move, or none that ends within a minute.
+
     Notes
     -----
     With z shaped, x starts before the lift has ended: the impulses that follow lift the tool on. The height at which
@@ -104,6 +112,12 @@ def plan_candidate(
             planned.append(_raise_ends(wanted, shaper, vertical_m))
         else:
             planned.append((wanted, _plan(wanted, shaper)))
+        lasts = planned[-1][1].duration_s
+        if not lasts <= LONGEST_S:
+            raise InputError(
+                f"at {acceleration_m_s2:.3g} m/s² the move takes {lasts:.3g} s: expected at most {LONGEST_S:g} s; "
+                "allow more velocity or acceleration"
+            )
     return PlannedCandidate(moves=tuple(m for m, _ in planned), trajectories=tuple(t for _, t in planned))
 
 

@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from tagsway.criteria import RIM_M
 from tagsway.design.limits import DesignLimits
 from tagsway.design.motion import Swing, longest_step_s, product_acceleration, product_sway, simulate_swing, tail_s
 from tagsway.design.payload import Payloads, PayloadSpread, corner_payloads
@@ -24,6 +25,9 @@ FREQUENCIES, DAMPINGS = 7, 2
 """Of the ensemble that is a constraint; between them the check looks."""
 
 CHECKED_FREQUENCIES, CHECKED_DAMPINGS = 41, 5
+
+FUNNEL = 2.0
+"""Above the rim of the box its room widens by so much a metre, so that no constraint jumps there."""
 
 LONGEST_PHASE_S, SHORTEST_PHASE_S = 3.0, 0.02
 
@@ -59,11 +63,15 @@ class Bounds:
     pcp_m_s2: float
     swing_rad: float
     ceiling_m: float
+    box_error_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """One transcription: unknowns, payloads, limits; all constraints of many vectors in one run."""
+    """One transcription: unknowns, payloads, limits; all constraints of many vectors in one run.
+
+    `boxed` is whether the box is a constraint: one that is kept anyway slows the search down tenfold.
+    """
 
     layout: Layout
     payloads: Payloads
@@ -75,6 +83,7 @@ class Problem:
     iterations: int
     counts: tuple[int, int, int] = (5, 11, 5)
     fixed_s: FloatArray | None = None
+    boxed: bool = False
 
     @classmethod
     def of(cls, move: Move, spread: PayloadSpread, limits: DesignLimits, wish: OptimiserSettings) -> Self:
@@ -91,6 +100,7 @@ class Problem:
             scale_m_s2=limits.acceleration_m_s2 or 20.0,
         )
         band = (wish.frequency_share, wish.damping_share)
+        vertical = max(limits.vertical_m, 1e-3)
         return cls(
             layout=layout,
             payloads=corner_payloads(spread, frequencies=FREQUENCIES, dampings=DAMPINGS, shares=band),
@@ -100,21 +110,23 @@ class Problem:
                 pcp_m_s2=limits.pcp_acceleration_m_s2 or math.inf,
                 swing_rad=wish.swing_rad,
                 ceiling_m=math.inf if limits.box_m is None else limits.box_m[1][2] - move.from_m[2],
+                box_error_m=math.inf if limits.box_error_m is None else limits.box_error_m,
             ),
             limits=limits,
-            heights_m=(max(limits.vertical_m, 1e-3), max(limits.vertical_m, 1e-3)),
+            # What goes into a box is above its place before it passes the rim.
+            heights_m=(vertical, vertical if limits.box_error_m is None else max(vertical, RIM_M)),
             least_lift_m_s2=wish.least_lift_m_s2,
             iterations=wish.iterations,
         )
 
     def start(self, move: Move, acceleration_m_s2: float) -> FloatArray:
         """Return the reference move at an acceleration as a vector."""
-        height = self.heights_m[0]
+        pick, place = self.heights_m
         reference = replace(
             move,
             profile="pick-and-place",
-            pick_height_m=height,
-            place_height_m=height,
+            pick_height_m=pick,
+            place_height_m=place,
             max_acceleration_m_s2=acceleration_m_s2,
             max_jerk_m_s3=None,
             max_velocity_m_s=None,
@@ -179,7 +191,7 @@ class Problem:
             step = np.diff(layout.breaks(vectors), axis=-1)
             kept.append(1 - np.sum((high - low) ** 2, axis=-1) / (step * limits.jerk_m_s3) ** 2)
         if limits.velocity_m_s is not None:
-            inside, _ = layout.within(vectors, np.array([0.5, 1.0]))
+            _, inside, _ = layout.within(vectors, np.array([0.5, 1.0]))
             kept.append((1 - np.sum(inside**2, axis=-1) / limits.velocity_m_s**2).reshape(len(vectors), -1))
         if math.isfinite(self.bounds.ceiling_m):
             kept.append((self.bounds.ceiling_m - self._peaks(vectors)) / 0.1)
@@ -212,7 +224,7 @@ class Problem:
         lengths = np.diff(layout.breaks(vectors[0]))
         parts, steps = [], []
         for cells, count in self._phases():
-            velocity, _ = layout.within(vectors, np.arange(2 * count) / (2 * count))
+            _, velocity, _ = layout.within(vectors, np.arange(2 * count) / (2 * count))
             parts.append(velocity[:, cells].reshape(copies, -1, 2))
             steps.append(np.repeat(lengths[cells] / count, count))
         tail = tail_s(payloads)
@@ -228,7 +240,7 @@ class Problem:
         node, kept = 0, []
         for cells, count in self._phases():
             held = cells.stop - cells.start
-            _, push = self.layout.within(vectors, np.linspace(0, 1, count + 1))
+            place, _, push = self.layout.within(vectors, np.linspace(0, 1, count + 1))
             index = (node + np.arange(held)[:, None] * count + np.arange(count + 1)).ravel()
             pivot = np.repeat(push[:, cells].transpose(1, 2, 3, 0).reshape(-1, 2, copies), m, axis=-1)
             held_swing = swing.take(index)
@@ -238,9 +250,23 @@ class Problem:
             kept.append(1 - np.abs(acceleration).reshape(shape).max(axis=1) / self.bounds.pcp_m_s2)
             kept.append(self.bounds.swing_rad - np.abs(held_swing.angle_rad).reshape(shape).max(axis=1))
             node += held * count
+        if self.boxed:
+            heights = np.repeat(place[:, cells, :, 1].transpose(1, 2, 0).reshape(-1, copies), m, axis=-1)
+            rooms = self._rooms_in_box(heights, held_swing)
+            kept.extend(room.reshape(shape).min(axis=1) / 0.01 for room in rooms)
         away = product_sway(swing.take(slice(node, None)), self.payloads, copies=copies).reshape(-1, copies, m)
-        kept.extend((self.bounds.placement_m - side.max(axis=0)[None]) / 0.01 for side in (away, -away))
+        window = min(self.bounds.placement_m, self.bounds.box_error_m) if self.boxed else self.bounds.placement_m
+        kept.extend((window - side.max(axis=0)[None]) / 0.01 for side in (away, -away))
         return np.concatenate([each.transpose(1, 0, 2).reshape(copies, -1) for each in kept], axis=-1)
+
+    def _rooms_in_box(self, tool_m: FloatArray, swing: Swing) -> tuple[FloatArray, FloatArray]:
+        """Return the product's room on either side of the box while the tool is lowered, each (n, m copies)."""
+        copies = swing.angle_rad.shape[1] // len(self.payloads)
+        lifted = np.tile(self.payloads.tag_radius_m, copies) * (1 - np.cos(swing.angle_rad))
+        over = tool_m - (self.layout.end_m[2] - self.layout.start_m[2]) + lifted - RIM_M
+        sway = product_sway(swing, self.payloads, copies=copies)
+        room = self.bounds.box_error_m + FUNNEL * np.maximum(over, 0.0)
+        return room - sway, room + sway
 
     def _phases(self) -> list[tuple[slice, int]]:
         """Return the cells of each phase, and how many steps each of them takes."""

@@ -43,6 +43,9 @@ ROUGH_SHARE = 0.6
 GEOMETRIC = ("box_m", "vertical_mm")
 """Limits that do not keep a move from being judged: the table shows what it would take without them."""
 
+JOINTS = "joints"
+"""Looked at last, for those alone that keep everything else."""
+
 NEAR = 1e-9
 
 
@@ -53,7 +56,7 @@ class Verdict:
     Parameters
     ----------
     share_kept : float
-        Of the payloads, all limits at once; 0 where the robot's own are broken.
+        Of the payloads, all of theirs at once; 0 where the robot's velocity, acceleration or jerk is broken.
     broken : str or None
         The limit that is broken the most, or the robot's first; None where enough keep all.
     strain : float
@@ -185,12 +188,10 @@ def find_nearest(candidates: Sequence[Candidate]) -> Candidate:
 def check_candidate(candidate: Candidate, limits: DesignLimits, payloads: Payloads) -> Candidate:
     """Return a candidate with its verdict over other payloads, simulated finely and with the robot's joints."""
     planned = candidate.planned
-    fault = planned.find_joint_fault()
+    if planned.find_joint_fault() is not None:
+        return replace(candidate, verdict=replace(candidate.verdict, broken=JOINTS))
     verdicts = [judge(simulate_motion(t, payloads, step_s=CHECK_STEP_S), limits) for t in planned.trajectories]
-    checked = _with_verdict(candidate, verdicts)
-    if fault is None:
-        return checked
-    return replace(checked, verdict=replace(checked.verdict, share_kept=0.0, broken="joints"))
+    return _with_verdict(candidate, verdicts)
 
 
 def judge(outcome: Outcome, limits: DesignLimits) -> Verdict:
@@ -274,7 +275,7 @@ class _Search:
             group = self._pass(queue[start : start + GROUP], self.settings.rough, ROUGH_SHARE)
             for candidate in self._pass(group, self.settings.scanned, self.limits.share):
                 checked = check_candidate(candidate, self.limits, self.settings.checked)
-                if checked.verdict.share_kept >= self.limits.share:
+                if checked.verdict.share_kept >= self.limits.share and checked.verdict.broken != JOINTS:
                     return checked
                 self.failed.append(checked)
         return None

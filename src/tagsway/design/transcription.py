@@ -98,13 +98,14 @@ class Layout:
         position = np.concatenate([np.zeros_like(gone[..., :1, :]), np.cumsum(gone, axis=-2)], axis=-2)
         return position, velocity
 
-    def within(self, vectors: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return velocity and acceleration inside every cell, shapes (..., cells, k, 2), at k shares of its length."""
+    def within(self, vectors: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return position, velocity and acceleration inside every cell, each (..., cells, k, 2), at k shares of it."""
         low, high = (each[..., None, :] for each in self.accelerations(vectors))
+        first, speed = (each[..., :-1, None, :] for each in self.states(vectors))
         step = np.diff(self.breaks(vectors), axis=-1)[..., None, None]
-        u = share[:, None]
-        velocity = self.states(vectors)[1][..., :-1, None, :] + step * (low * u + (high - low) * u**2 / 2)
-        return velocity, low + (high - low) * u
+        u, change = share[:, None], high - low
+        position = first + step * u * (speed + step * u * (low / 2 + change * u / 6))
+        return position, speed + step * u * (low + change * u / 2), low + change * u
 
     def vector_of(self, trajectory: Trajectory, breaks_s: FloatArray) -> FloatArray:
         """Return the vector whose accelerations are nearest to a trajectory's, for phases that end at `breaks_s`."""

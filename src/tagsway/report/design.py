@@ -78,13 +78,18 @@ def _draw_times(panel: Axes, advice: Advice) -> None:
 
 
 def _draw_paths(panel: Axes, advice: Advice) -> None:
-    motions = [("chosen", trajectory) for trajectory in advice.chosen.planned.trajectories]
+    planned = advice.chosen.planned
+    worst = len(planned.moves) > 1
+    motions = [
+        ("worst place" if worst and move.to_m == advice.worst_place_m else "chosen", trajectory)
+        for move, trajectory in zip(planned.moves, planned.trajectories, strict=True)
+    ]
     if advice.optimised is not None:
         motions.append(("optimised", advice.optimised.move.trajectory))
     for name, trajectory in motions:
         points = trajectory(np.linspace(0, trajectory.duration_s, 400))
         along = np.linalg.norm(points[:, :2] - points[0, :2], axis=1)
-        colour, dashes = STYLES[0] if name == "chosen" else STYLES[2]
+        colour, dashes = STYLES[("chosen", "worst place", "optimised").index(name)]
         panel.plot(1e3 * along, 1e3 * (points[:, 2] - points[0, 2]), color=colour, ls=dashes, lw=1.3, label=name)
     panel.set_xlabel("way (mm)")
     panel.set_ylabel("height (mm)")
@@ -101,7 +106,7 @@ def _draw_beyond(panel: Axes, advice: Advice) -> None:
         optimised = advice.optimised is not None and i == len(beyond.names) - 1
         colour, dashes = STYLES[2] if optimised else STYLES[min(i, 1)]
         panel.plot(beyond.deviation_percent, 1e3 * row, color=colour, ls=dashes, lw=1.3, label=name)
-    half = spread.frequency_percent * (1 if spread.shape == "uniform" else 1.96)
+    half = spread.band_percent
     panel.axvspan(-half, half, color=GREEN, alpha=0.12, lw=0)
     panel.axhline(1e3 * advice.task.limits.placement_window_m, color=INK, ls=":", lw=1)
     panel.set_ylim(0, min(MOST_MM, 1.05e3 * float(beyond.placement_m.max()) + 1))
