@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tagsway.criteria import judge_move, load_of
+from tagsway.criteria import Criteria, judge_move, load_of
 from tagsway.errors import InputError
 from tagsway.filters import fit_smoothing_spline
 from tagsway.filters.moves import find_moves
@@ -164,17 +164,9 @@ def indicators_of(
     InputError
         Where the tool did not go anywhere, or the product was never seen.
     """
-    tool = tcp_m[np.isfinite(tcp_m).all(axis=1)]
-    travel = tool[-1] - tool[0] if len(tool) else np.zeros(2)
-    distance = float(np.linalg.norm(travel))
-    reference = distance if reference_m is None else reference_m
-    if not (distance > 0 and reference > 0):
-        raise InputError(f"a move of {1000 * distance:g} mm and a reference of {1000 * reference:g} mm: expected more")
-    if not np.isfinite(pcp_m).all(axis=1).any():
-        raise InputError("the product was never seen during or after the move: there is nothing to measure")
+    reference = _find_reference(tcp_m, pcp_m, reference_m)
     final = _resting_place(time_s, pcp_m, end_s) if final_m is None else final_m
     found = judge_move(time_s, tcp_m, pcp_m, pcp_acceleration_m_s2, end_s=end_s, final_m=final, reference_m=reference_m)
-    residual = float(found.residual_max_m_s2), float(found.residual_rms_m_s2)
     return Indicators(
         reference_m=reference,
         settling_time_s=_known(found.settling_time_s),
@@ -186,9 +178,7 @@ def indicators_of(
             vector_with_gravity=_peak(found.vector_m_s2, vector_std),
             bandwidth_hz=bandwidth_hz,
         ),
-        residual_acceleration_m_s2=ResidualAcceleration(max=residual[0], rms=residual[1])
-        if np.isfinite(residual).all()
-        else None,
+        residual_acceleration_m_s2=_residual(found),
         box_error_m=_known(found.box_error_m),
         place_error_m=_known(found.place_error_m),
     )
@@ -216,6 +206,24 @@ def _cut_move(clean: CleanTrack, window: Window) -> tuple[Window, BoolArray] | N
     if not np.isfinite(clean.pcp.position[used]).all(axis=1).any():
         return None
     return moving, used
+
+
+def _find_reference(tcp_m: FloatArray, pcp_m: FloatArray, stated_m: float | None) -> float:
+    """Return the length that percentages refer to, of a move that can be judged."""
+    tool = tcp_m[np.isfinite(tcp_m).all(axis=1)]
+    travel = tool[-1] - tool[0] if len(tool) else np.zeros(2)
+    distance = float(np.linalg.norm(travel))
+    reference = distance if stated_m is None else stated_m
+    if not (distance > 0 and reference > 0):
+        raise InputError(f"a move of {1000 * distance:g} mm and a reference of {1000 * reference:g} mm: expected more")
+    if not np.isfinite(pcp_m).all(axis=1).any():
+        raise InputError("the product was never seen during or after the move: there is nothing to measure")
+    return reference
+
+
+def _residual(found: Criteria) -> ResidualAcceleration | None:
+    largest, effective = float(found.residual_max_m_s2), float(found.residual_rms_m_s2)
+    return ResidualAcceleration(max=largest, rms=effective) if np.isfinite([largest, effective]).all() else None
 
 
 def _resting_place(time_s: FloatArray, pcp_m: FloatArray, end_s: float) -> FloatArray:
