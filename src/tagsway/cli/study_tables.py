@@ -72,12 +72,16 @@ def pairs_words(pairs: Sequence[Pair]) -> str:
         best = min(own, key=lambda pair: (pair.shaped.motion_time_s or 0.0, pair.shaped.overshoot_percent))
         gentler = "" if best.gentler else ", though it accelerates the product more"
         lines.append(
-            f"no slower than unshaped at {acceleration:g} m/s² ({_number(best.unshaped.motion_time_s, 3)} s, overshoot "
+            f"no slower than unshaped at {acceleration:g} m/s² ({_settling(best.unshaped)}, overshoot "
             f"{best.unshaped.overshoot_percent:.2f} %): {best.shaped.shaping} shaped at "
             f"{best.shaped.max_acceleration_m_s2:g} m/s² ({_number(best.shaped.motion_time_s, 3)} s, "
             f"{best.shaped.overshoot_percent:.2f} %){gentler}\n"
         )
     return "".join(lines) if lines else "no shaped move is as quick as an unshaped one and overshoots no more\n"
+
+
+def _settling(row: StudyRow) -> str:
+    return "never settles" if row.motion_time_s is None else f"{row.motion_time_s:.3f} s"
 
 
 def rows_csv(rows: Sequence[StudyRow]) -> str:

@@ -68,6 +68,9 @@ def plot_motions(curves: Sequence[MotionCurve]) -> Figure:
     _dress(path, "x (mm)", "z (mm); dotted: the tool")
     path.set_aspect("equal", adjustable="datalim")
     push.sharex(away)
+    if any(curve.product_m.shape[2] > 1 for curve in curves):
+        words = "line: the payload as it was measured or stated; band: all samples of its spread"
+        away.set_title(words, loc="left", size="small", color=INK)
     away.legend(loc="upper right", frameon=False, ncols=3)
     return figure
 
@@ -89,7 +92,7 @@ def plot_study(rows: Sequence[StudyRow], limits: Sequence[LimitRow] = ()) -> Fig
             at = [row.max_acceleration_m_s2 if varies else row.frequency_hz[0] for row in own]
             values = np.array([np.nan if (value := value_of(row)) is None else value for row in own])
             style = {**STYLES.get(name, OTHER), "ms": 3 if len(own) > 20 else 5, "lw": 1.4}
-            panel.plot(at, values, label=name, **style)
+            panel.plot(at, values, label=_label(name), **style)
             if not quantity:
                 never = [row.trajectory_time_s if row.motion_time_s is None else np.nan for row in own]
                 panel.plot(at, never, ls="", marker="x", ms=4, color=style["color"])
@@ -114,7 +117,11 @@ def _band(panel: Axes, curve: MotionCurve, values: FloatArray, style: Mapping[st
     if values.shape[1] > 1:
         low, high = values.min(axis=1), values.max(axis=1)
         panel.fill_between(curve.time_s, low, high, color=style["color"], alpha=0.2, lw=0)
-    panel.plot(curve.time_s, values[:, curve.nominal], label=curve.name, **style)
+    panel.plot(curve.time_s, values[:, curve.nominal], label=_label(curve.name), **style)
+
+
+def _label(name: str) -> str:
+    return name if name == "unshaped" else f"{name} shaped"
 
 
 def _line(name: str) -> dict[str, Any]:
