@@ -10,6 +10,7 @@ rows     summary and figures of generated rows: seconds, and the peak of memory
 """
 
 import argparse
+import ctypes
 import json
 import os
 import random
@@ -20,6 +21,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -71,24 +74,68 @@ def read_results(out: Path) -> dict[str, bytes]:
 def measure_scaling(root: Path, files: int) -> None:
     """Print time with 1 worker ÷ 2 workers, and the overhead beside the videos' own time."""
     path = make_copies(root, files)
-    seconds, own, processor = {}, {}, {}
-    for workers in (1, 2):
-        out = root / f"out{workers}"
-        start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run([*BATCH, str(path), "--out", str(out), "--workers", str(workers), "--quiet"], check=True)
-        seconds[workers] = time.perf_counter() - start
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        processor[workers] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        lines = [json.loads(line) for line in (out / "attempts.jsonl").read_text().splitlines()]
-        done = [line for line in lines if line["event"] == "finished"]
-        own[workers] = sum(line["seconds"] for line in done)
-        films = sum(line["cpu_seconds"] for line in done)
-        print(f"{workers} workers: processor time {processor[workers]:.1f} s, {films:.1f} s of it in the videos")
+    adopt_orphans()
+    costs = {workers: run_set(path, root / f"out{workers}", workers) for workers in (1, 2)}
+    for workers, cost in costs.items():
         print(
-            f"{workers} workers: {seconds[workers]:.1f} s, of which measuring {own[workers] / workers:.1f} s a worker"
+            f"{workers} workers: {cost.clock_s:.1f} s, of which {cost.films_clock_s / workers:.1f} s in the videos; "
+            f"processor time {cost.cpu_s:.1f} s, of which {cost.films_cpu_s:.1f} s in the videos"
         )
-    print(f"time of 1 worker ÷ 2 workers, {files} videos: {seconds[1] / seconds[2]:.2f}")
-    print(f"time beside the videos' own, 1 worker: {100 * (seconds[1] / own[1] - 1):.1f} %")
+    one, two = costs[1], costs[2]
+    print(f"time of 1 worker ÷ 2 workers, {files} videos: {one.clock_s / two.clock_s:.2f}")
+    print(f"time beside the videos' own, 1 worker: {100 * (one.clock_s / one.films_clock_s - 1):.1f} %")
+    print(f"processor time beside the videos' own, 1 worker: {100 * (one.cpu_s / one.films_cpu_s - 1):.1f} %")
+    print(
+        f"on free cores, by processor time, what is beside the videos one after the other: {one.path_s:.1f} s ÷ "
+        f"{two.path_s:.1f} s = {one.path_s / two.path_s:.2f}"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """What a set took, in s: of the clock and of processor time, in all and in its videos.
+
+    `path_s` is the processor time of the busiest worker's videos and of all that is beside videos.
+    """
+
+    clock_s: float
+    cpu_s: float
+    films_clock_s: float
+    films_cpu_s: float
+    path_s: float
+
+
+def run_set(path: Path, out: Path, workers: int) -> Cost:
+    """Measure a set and read what it took from the log of its attempts and from the system."""
+    start, before = time.perf_counter(), children_cpu_s()
+    subprocess.run([*BATCH, str(path), "--out", str(out), "--workers", str(workers), "--quiet"], check=True)
+    clock_s, cpu_s = time.perf_counter() - start, children_cpu_s() - before
+    lines = [json.loads(line) for line in (out / "attempts.jsonl").read_text().splitlines()]
+    done = pd.DataFrame([line for line in lines if line["event"] == "finished"])
+    films_cpu_s = done["cpu_seconds"].sum()
+    longest = done.groupby("worker")["cpu_seconds"].sum().max()
+    return Cost(
+        clock_s=clock_s,
+        cpu_s=cpu_s,
+        films_clock_s=done["seconds"].sum(),
+        films_cpu_s=films_cpu_s,
+        path_s=cpu_s - films_cpu_s + longest,
+    )
+
+
+def adopt_orphans() -> None:
+    """Become the parent of what its own parent leaves behind, so that its processor time is known; Linux can."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER
+
+
+def children_cpu_s() -> float:
+    """Return the processor time of all processes that were started from here and have ended."""
+    with suppress(ChildProcessError):
+        while True:
+            os.waitpid(-1, 0)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def kill_often(root: Path, kills: int, files: int) -> None:
@@ -101,12 +148,12 @@ def kill_often(root: Path, kills: int, files: int) -> None:
         with subprocess.Popen([*BATCH, str(path), "--out", str(out), "--quiet"]) as process:
             while left and process.poll() is None:
                 time.sleep(chance.uniform(1.0, 6.0))
-                children = list_children(process.pid)
+                running = list_workers(process.pid)
                 if process.poll() is not None:
                     break
                 left -= 1
-                if children and workers <= mains:
-                    os.kill(chance.choice(children), signal.SIGKILL)
+                if running and workers <= mains:
+                    os.kill(chance.choice(running), signal.SIGKILL)
                     workers += 1
                 else:
                     process.kill()
@@ -124,9 +171,14 @@ def kill_often(root: Path, kills: int, files: int) -> None:
 
 
 def list_children(pid: int) -> list[int]:
-    """Return the workers that a process has started: the first child keeps track of semaphores."""
+    """Return the processes that a process has started."""
     path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(child) for child in path.read_text().split()][1:] if path.exists() else []
+    return [int(child) for child in path.read_text().split()] if path.exists() else []
+
+
+def list_workers(pid: int) -> list[int]:
+    """Return the workers of a batch: copies of a child that has loaded what they need."""
+    return [worker for child in list_children(pid) for worker in list_children(child)]
 
 
 def tabulate_many(root: Path, rows: int) -> None:

@@ -14,7 +14,7 @@ from tagsway.errors import InputError
 from tagsway.sets.batch import Batch, measure_set, watch_set
 from tagsway.sets.ledger import open_ledger
 from tagsway.sets.manifest import find_set
-from tagsway.sets.output import name_file
+from tagsway.sets.subsets import name_file
 from tagsway.sets.tables import make_tables, share_picks
 from tagsway.store.measurements import read_measurements
 

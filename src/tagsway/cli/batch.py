@@ -11,14 +11,20 @@ import typer
 from tagsway.errors import InputError
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from tagsway.sets.batch import Batch
     from tagsway.sets.jobs import Outcome
+    from tagsway.sets.workers import Crew
 
 SOME_FAILED = 4
 """Exit code: the others were done."""
 
 MOST_NAMED = 20
 """Failed files that are named on standard error; all of them are in measurements.csv."""
+
+MOST_EFFECTS = 20
+"""That are told on the terminal, the sure ones first; all of them are in effects.csv and on the page."""
 
 
 def batch(
@@ -33,6 +39,10 @@ def batch(
     workers: Annotated[int | None, typer.Option(help="Processes, each on one core.", show_default="the cores")] = None,
     cluster: Annotated[
         str | None, typer.Option(help="A Dask scheduler instead, such as tcp://host:8786.", metavar="ADDRESS")
+    ] = None,
+    pages: Annotated[
+        bool | None,
+        typer.Option("--pages/--no-pages", help="A page for each measurement.", show_default="up to 2000 files"),
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Go on looking for new files, until Ctrl-C.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
@@ -50,14 +60,16 @@ def batch(
     folder = Path(f"{path.resolve().stem}-identify") if out is None else out
     check_writable(folder)
     find_set(path, leave_out=folder, may_be_empty=watch)  # a set that cannot be used leaves no folder behind
-    count = workers or usable_cores()
+
+    def hired() -> "AbstractContextManager[Crew]":
+        return hire(workers or usable_cores(), cluster)
 
     with open_ledger(folder) as ledger:
         try:
             with display_set(path.name, shown=not quiet) as (begin, report):
                 if watch:
-                    watch_set(path, ledger, lambda: hire(count, cluster), begin=begin, report=report)
-                done = measure_set(path, ledger, lambda: hire(count, cluster), begin=begin, report=report)
+                    watch_set(path, ledger, hired, begin=begin, report=report, pages=pages)
+                done = measure_set(path, ledger, hired, begin=begin, report=report, pages=pages)
         except KeyboardInterrupt:
             if not watch:
                 typer.echo(f"what is done is kept in {folder}/: the same command goes on from there", err=True)
@@ -71,6 +83,8 @@ def _tell(done: "Batch", folder: Path, *, quiet: bool) -> None:
     failed = table[table["status"].isin(["failed", "not_determined"])]
     if not quiet:
         typer.echo("\n".join(_summary_lines(done)))
+        if done.effects:
+            typer.echo("\n".join(["", *_effect_lines(done)]))
         typer.echo(f"\nwritten to {folder}/ — open {folder}/report.html")
         for notice in done.notices:
             typer.echo(f"note: {notice.message}", err=True)
@@ -107,6 +121,12 @@ def _summary_lines(done: "Batch") -> list[str]:
             f"{_number(damping[0], '9.5f')} {_number(damping[1], '6.1f')}"
         )
     return lines
+
+
+def _effect_lines(done: "Batch") -> list[str]:
+    """Return what the factors do, as the page says it."""
+    more = len(done.effects) - MOST_EFFECTS
+    return [*done.effects[:MOST_EFFECTS], *([f"{more} more effects: see effects.csv"] if more > 0 else [])]
 
 
 def _number(value: float | None, form: str) -> str:

@@ -9,7 +9,8 @@ running   every job once, whatever dies
 tables    from rows to tables, and what is rejected
 effects   what the factors do
 drawing   the shaper and the figures of a subset
-output    tables, shapers and figures of a set
+subsets   those of all subsets, each drawn where something changed
+output    everything that a set's measurements tell together
 page      report.html
 batch     all of it, once or as a folder is being filled
 """

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 POLL_S = 2.0
 """Between two looks into a folder that is being filled: a file that did not change from one to the next is complete."""
 
+MOST_PAGES = 2000
+"""Files of a set whose measurements have pages of their own unless it is asked for: as many as its page lists."""
+
 Begin = Callable[[int, int], None]
 
 
@@ -32,11 +35,14 @@ class Batch:
     ----------
     tables : Tables
         Of the whole set.
+    effects : tuple of str
+        What the factors do, a sentence each.
     notices : tuple of Notice
         What to know about them.
     """
 
     tables: "Tables"
+    effects: tuple[str, ...]
     notices: tuple[Notice, ...]
 
 
@@ -52,6 +58,7 @@ def measure_set(
     *,
     begin: Begin,
     report: Callable[[Outcome], None],
+    pages: bool | None = None,
 ) -> Batch:
     """Measure what is missing or changed in a set, and write its tables.
 
@@ -67,13 +74,15 @@ def measure_set(
         Called with the files in the set and those that are done already.
     report : callable
         Called with each outcome.
+    pages : bool, optional
+        Each measurement has a page of its own; by default those of a set of up to `MOST_PAGES` files.
 
     Returns
     -------
     Batch
     """
     found = find_set(path, leave_out=ledger.out)
-    jobs = missing_jobs(found.items, ledger)
+    jobs = missing_jobs(found.items, ledger, pages=pages)
     begin(len(found.items), len(found.items) - len(jobs))
     if jobs:
         with hired() as crew:
@@ -92,8 +101,8 @@ def measure_items(
     begin: Begin,
     report: Callable[[Outcome], None],
 ) -> None:
-    """Measure what is missing or changed among some files; see `measure_set`."""
-    jobs = missing_jobs(items, ledger)
+    """Measure what is missing or changed among some files; see `measure_set`. None has a page of its own."""
+    jobs = missing_jobs(items, ledger, pages=False)
     begin(len(items), len(items) - len(jobs))
     if jobs:
         with hired() as crew:
@@ -106,16 +115,19 @@ def write_batch(found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = No
     from tagsway.sets.tables import tabulate
 
     tables = tabulate(found.items, ledger)
-    return Batch(tables=tables, notices=write_set(tables, found, ledger, crew=crew))
+    told = write_set(tables, found, ledger, crew=crew)
+    return Batch(tables=tables, effects=told.effects, notices=told.notices)
 
 
-def missing_jobs(items: Sequence[Item], ledger: Ledger) -> list[Job]:
-    """Return a job for each file that has no result of its content and settings, or may have changed."""
+def missing_jobs(items: Sequence[Item], ledger: Ledger, *, pages: bool | None = None) -> list[Job]:
+    """Return a job for each file that has no result of its content and settings, may have changed, or lacks a page."""
+    drawn = len(items) <= MOST_PAGES if pages is None else pages
     jobs = []
     for item in items:
         digest = ledger.settings_digest(item)
-        if ledger.find_key(item, digest) is None:
-            jobs.append(Job(item=item, settings_digest=digest, out=str(ledger.out.resolve())))
+        key = ledger.find_key(item, digest)
+        if key is None or (drawn and ledger.lacks_page(item, key)):
+            jobs.append(Job(item=item, settings_digest=digest, out=str(ledger.out.resolve()), pages=drawn))
     return jobs
 
 
@@ -126,6 +138,7 @@ def watch_set(
     *,
     begin: Begin,
     report: Callable[[Outcome], None],
+    pages: bool | None = None,
     go_on: Callable[[], bool] = lambda: True,
     poll_s: float = POLL_S,
 ) -> None:
@@ -133,7 +146,7 @@ def watch_set(
 
     Parameters
     ----------
-    path, ledger, hired, begin, report
+    path, ledger, hired, begin, report, pages
         As in `measure_set`; `begin` is called each time something was found.
     go_on : callable
         Asked before each look.
@@ -152,7 +165,7 @@ def watch_set(
         while go_on():
             found = find_set(path, leave_out=ledger.out, may_be_empty=True)
             stamps = {item.name: stamp_of(item.path) for item in found.items}
-            jobs = missing_jobs(found.items, ledger)
+            jobs = missing_jobs(found.items, ledger, pages=pages)
             ready = [job for job in jobs if _is_complete(job.item, stamps, before, tried)]
             before = stamps
             if ready:

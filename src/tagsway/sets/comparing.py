@@ -21,8 +21,7 @@ from tagsway.sets.manifest import as_text
 from tagsway.sets.measuring import row_of_result
 from tagsway.sets.moves import to_move
 from tagsway.sets.options import inside
-from tagsway.sets.output import MEASUREMENTS
-from tagsway.sets.tables import CONDITION, COPY, NUMBERS, PLACE, arrange_rows
+from tagsway.sets.tables import CONDITION, COPY, MEASUREMENTS, NUMBERS, PLACE, arrange_rows
 from tagsway.sets.workers import Crew
 from tagsway.store.documents import read_result
 from tagsway.store.tables import read_table

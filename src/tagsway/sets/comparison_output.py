@@ -18,7 +18,7 @@ from tagsway.sets.comparing import MoveLoader
 from tagsway.sets.comparison import QUANTITIES, Sorted, part_of, values_of
 from tagsway.sets.ledger import read_kept
 from tagsway.sets.moves import median_move
-from tagsway.sets.output import name_file
+from tagsway.sets.subsets import name_file
 from tagsway.sets.tables import CONDITION, GROUP, PLACE
 from tagsway.store.comparisons import comparison_document, conditions_table, differences_table, read_comparison
 from tagsway.store.documents import dump

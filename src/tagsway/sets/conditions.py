@@ -9,8 +9,8 @@ from typing import Any
 from tagsway.errors import InputError
 from tagsway.sets.manifest import ATTEMPTS, FILMS, TRACKS, Item, as_text, find_set
 from tagsway.sets.options import make_settings
-from tagsway.sets.output import MEASUREMENTS
 from tagsway.sets.remote import is_url
+from tagsway.sets.tables import MEASUREMENTS
 
 RESULT = "result.json"
 MEASURABLE = FILMS | TRACKS | {".txt"}

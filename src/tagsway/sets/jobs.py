@@ -31,11 +31,14 @@ class Job:
         Of everything but the file's content that its measurement depends on.
     out : str
         The folder of the results; used where it is seen from the worker.
+    pages : bool
+        Each of its measurements has a page of its own.
     """
 
     item: Item
     settings_digest: str
     out: str
+    pages: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,12 +14,24 @@ from typing import IO, Any
 from tagsway.errors import InputError
 from tagsway.files import write_text
 from tagsway.model import Settings
-from tagsway.sets.jobs import FILE, Outcome, named_files, page_path, result_key, result_path, settings_digest
+from tagsway.sets.jobs import (
+    FILE,
+    Outcome,
+    named_files,
+    page_ending,
+    page_path,
+    result_key,
+    result_path,
+    settings_digest,
+)
 from tagsway.sets.manifest import ATTEMPTS, Item
 from tagsway.sets.remote import stamp_of
 from tagsway.store.steps import file_sha256
 
 SCHEMA = "tagsway/measured/1"
+NO_NUMBER = frozenset({"failed", "not_determined"})
+"""What the status of a measurement that has none may be."""
+
 LOCK, DIGESTS = ".lock", "files.jsonl"
 
 
@@ -67,6 +79,13 @@ class Ledger:
             return None
         key = result_key(known[1], digest)
         return key if result_path(self.out, key).exists() else None
+
+    def lacks_page(self, item: Item, key: str) -> bool:
+        """Tell whether one of an item's measurements could have a page of its own, and has none."""
+        return any(
+            row["status"] not in NO_NUMBER and not page_path(self.out, key, page_ending(row.get("pick"))).exists()
+            for row in self.rows(item)
+        )
 
     def result_of(self, item: Item) -> str | None:
         """Return the key of an item's last result, where it has one."""
@@ -118,11 +137,11 @@ class Ledger:
         if outcome.key is None or outcome.sha256 is None:
             self._failures[item.name] = outcome.error or "not known"
             return
+        for ending, html in outcome.pages:
+            write_text(page_path(self.out, outcome.key, ending), html)
         path = result_path(self.out, outcome.key)
         if outcome.lines and not path.exists():
             head = {"schema": SCHEMA, **json.loads(outcome.lines[0])}
-            for ending, html in outcome.pages:
-                write_text(page_path(self.out, outcome.key, ending), html)
             text = json.dumps(head, ensure_ascii=False, separators=(",", ":"))
             write_text(path, "\n".join([text, *outcome.lines[1:]]) + "\n")
         self._digests[item.name] = (stamp, outcome.sha256)

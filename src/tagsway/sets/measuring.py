@@ -41,7 +41,7 @@ def measure_file(job: Job) -> Outcome:
     Returns
     -------
     Outcome
-        Without lines where a result of the same content and settings is kept already.
+        Without lines where a result of the same content and settings is kept already: then it is only drawn.
     """
     cv2.setNumThreads(1)  # a worker holds one core
     start, cpu = time.perf_counter(), time.process_time()
@@ -65,7 +65,8 @@ def _measure(job: Job) -> Outcome:
     with local_copy(item.path) as file:
         sha256 = file_sha256(*list_files(file))
         key = result_key(sha256, job.settings_digest)
-        if result_path(out, key).exists():
+        kept = result_path(out, key).exists()
+        if kept and not job.pages:
             return Outcome(key=key, sha256=sha256)
         shared = out.is_dir()
         steps = StepStore(folder=out / "steps" / sha256[:2] / sha256[:40] if shared else None)
@@ -75,6 +76,9 @@ def _measure(job: Job) -> Outcome:
             error = _one_line(fault).replace(str(file), FILE)
             head = {"rows": [{"status": "failed", "error": error}]}
             return Outcome(key=key, sha256=sha256, lines=(_line(head),), failed=True)
+        pages = tuple(_page(m, number, item) for number, m in measured if job.pages and m.not_determined is None)
+        if kept:
+            return Outcome(key=key, sha256=sha256, pages=pages)
         rows = [_row(each, number, file) for number, each in measured]
         frames = sum(len(each.track.time_s) for _, each in measured)
         documents = [
@@ -87,7 +91,7 @@ def _measure(job: Job) -> Outcome:
             key=key,
             sha256=sha256,
             lines=(_line({"rows": rows}), *(_line(document) for document in documents)),
-            pages=tuple(_page(m, number, item) for number, m in measured if m.not_determined is None),
+            pages=pages,
             frames=frames,
             failed=any(row["status"] == "not_determined" for row in rows),
         )

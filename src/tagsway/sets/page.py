@@ -12,9 +12,11 @@ from tagsway.files import write_text
 from tagsway.model import Notice, Shaper
 from tagsway.report.page import PLOTLY, SHARED_SCRIPT, load_asset
 from tagsway.report.set_page import SetReport, SubsetPictures, render_set_page
+from tagsway.report.set_words import describe_effects
 from tagsway.sets.effects import Effects
 from tagsway.sets.jobs import page_ending, page_path
-from tagsway.sets.tables import NO_NUMBER, WHOLE, Tables, factors_of
+from tagsway.sets.ledger import NO_NUMBER
+from tagsway.sets.tables import WHOLE, Tables, factors_of
 
 REPORT = "report.html"
 MOST_LISTED = 2000
@@ -88,6 +90,11 @@ def write_set_page(
     if not script.exists():
         write_text(script, load_asset(PLOTLY))
     write_text(out / REPORT, render_set_page(report, script_url=SHARED_SCRIPT))
+
+
+def tell_effects(tables: Tables, effects: Effects) -> tuple[str, ...]:
+    """Return what the factors do, in the words of the page."""
+    return tuple(describe_effects(_records(effects.table), _spans(tables.kept())))
 
 
 def _pictures(name: str, paths: Sequence[Path]) -> SubsetPictures:

@@ -17,10 +17,11 @@ from tagsway.repeats import (
     reject_by_esd,
     summarise_repeats,
 )
-from tagsway.sets.ledger import Ledger
+from tagsway.sets.ledger import NO_NUMBER, Ledger
 from tagsway.sets.manifest import Item
 from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
 
+MEASUREMENTS = "measurements.csv"
 FIRST = ("file", "pick", "subset")
 CONDITION, GROUP, PLACE = "(condition)", "(group)", "(place)"
 """Columns that a comparison adds; factors have no such names."""
@@ -70,8 +71,6 @@ WHOLE = "(all)"
 PICKED, SET = "pick_position", "set"
 REPEATED = frozenset({SET, "repeat", "run", "date", "operator"})
 """Factors that tell repeats apart, and not what was repeated."""
-
-NO_NUMBER = frozenset({"failed", "not_determined"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

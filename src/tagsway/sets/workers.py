@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
@@ -20,6 +21,12 @@ NATIVE_POOLS = (
     "NUMEXPR_NUM_THREADS",
 )
 """What the libraries below read their number of threads from, as they start."""
+
+LOADED = ("tagsway.sets.measuring", "tagsway.sets.drawing")
+"""What workers need, and take seconds to load."""
+
+FORKED = sys.platform == "linux"
+"""Whether one process loads that and is copied for each worker. Elsewhere what it loads may not survive a copy."""
 
 CONNECT_S = 10
 
@@ -80,13 +87,19 @@ class LocalCrew:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
+        context = multiprocessing.get_context("forkserver" if FORKED else "spawn")
         end, self._lifeline = context.Pipe(duplex=False)
         counter = context.Value("i", 0)
         self._pool = ProcessPoolExecutor(self._workers, mp_context=context, initializer=_begin, initargs=(end, counter))
         with _deaf_to_interrupts():  # a process that starts inherits it: Ctrl-C is the parent's to answer
-            for _ in range(self._workers):
-                self._pool.submit(os.getpid)
+            if FORKED:  # workers are copied as jobs come; until then there is time for something else
+                from multiprocessing import forkserver
+
+                context.set_forkserver_preload(list(LOADED))
+                forkserver.ensure_running()
+            else:
+                for _ in range(self._workers):
+                    self._pool.submit(os.getpid)
 
 
 class ClusterCrew:

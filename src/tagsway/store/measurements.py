@@ -2,15 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from tagsway.errors import InputError
 from tagsway.files import whole_file
 from tagsway.model import DesignMode, FloatArray, Spread
 from tagsway.repeats import between_repeat_spread, fit_random_effects
 from tagsway.store.tables import read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FREQUENCY, DAMPING = "natural_frequency_hz", "damping_ratio"
 FREQUENCY_STD = "natural_frequency_std_hz"
@@ -81,6 +84,8 @@ def read_measurements(path: Path) -> MeasuredModes:
         Where the file is no such table, no row is left, or a row holds a frequency or a damping ratio that cannot be:
         names the row.
     """
+    import pandas as pd
+
     table = read_table(path, expected="a measurements.csv")
     for name in (FREQUENCY, DAMPING):
         if name not in table:
@@ -114,7 +119,7 @@ def read_measurements(path: Path) -> MeasuredModes:
     return MeasuredModes(frequency_hz=frequency, damping_ratio=damping, source=path.name, frequency_std_hz=std)
 
 
-def write_table(path: Path, table: pd.DataFrame) -> None:
+def write_table(path: Path, table: "pd.DataFrame") -> None:
     """Write a table as CSV or Parquet, as its name ends; whole or not at all, and the same bytes for the same table.
 
     Raises

@@ -3,13 +3,15 @@
 import csv
 import io
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from tagsway.errors import InputError
 from tagsway.model import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DECIMALS = 9
 """Of a metre: a position rounded to 1 µm is an acceleration that is wrong by 1 m/s² after two differences at 1 kHz."""
@@ -39,7 +41,7 @@ def number_table(columns: list[Any], formats: list[str], *, delimiter: str) -> s
     return text.getvalue()
 
 
-def read_table(path: Path, *, expected: str) -> pd.DataFrame:
+def read_table(path: Path, *, expected: str) -> "pd.DataFrame":
     """Read a text table with a header; comma, semicolon or tab between the columns.
 
     Parameters
@@ -54,6 +56,8 @@ def read_table(path: Path, *, expected: str) -> pd.DataFrame:
     InputError
         Where the file is no such table.
     """
+    import pandas as pd  # most of what imports this module reads no table
+
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as fault:
