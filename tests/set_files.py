@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -41,6 +41,9 @@ class InlineCrew:
 
     def renew(self) -> None:
         raise AssertionError("a thread does not die")
+
+    def take_back(self, future: Future) -> bool:
+        return future.cancel()
 
     def died(self, fault: BaseException) -> bool:
         return isinstance(fault, BrokenExecutor)

@@ -300,8 +300,40 @@ def test_what_a_design_promised_is_held_against_what_was_measured(inside) -> Non
     assert (place["kept"], place["n"], place["verdict"]) == (6, 6, "open")  # six of six do not show 95 %
     assert place["kept_ci95"] == pytest.approx([0.025 ** (1 / 6), 1.0])
     assert told["max_pcp_acceleration_m_s2"]["verdict"] == "broken"
+    assert (told["limits"]["kind"], told["limits"]["promised"], told["limits"]["share"]) == ("all limits", None, 0.95)
+    assert (told["limits"]["kept"], told["limits"]["n"], told["limits"]["verdict"]) == (0, 6, "broken")
     assert run(["compare", str(folder), "--by", "shaped_axes", "--design", "none=nowhere.json"]) == 2
     assert run(["compare", str(folder), "--by", "shaped_axes", "--design", "y=design"]) == 2
+
+
+def test_all_limits_together_are_kept_by_fewer_than_each_of_them(inside, capsys) -> None:
+    # 80 picks: two miss the place, two others are too rough: each limit is kept by 78, both by 76.
+    own = [{"place_error_mm": 9.0 if n < 2 else 3.0, "max_pcp_acceleration_m_s2": 6.0 if n > 77 else 4.0}
+           for n in range(80)]  # fmt: skip
+    shaped = [{**row, **few} for row, few in zip(repeats({"s": "x"}, 2, n=80), own, strict=True)]
+    shaped[5]["place_error_mm"] = None  # it tells nothing of both
+    folder = str(write_measured_set(inside / "m", [*repeats({"s": "none"}, 1), *shaped]))
+    (inside / "design.json").write_text(json.dumps(DESIGN))
+    told = {one["quantity"]: one for one in compared(folder, "--by", "s", "--design", "design.json")["promises"]}
+    assert (told["place_error_mm"]["kept"], told["place_error_mm"]["n"]) == (77, 79)
+    assert (told["max_pcp_acceleration_m_s2"]["kept"], told["max_pcp_acceleration_m_s2"]["n"]) == (78, 80)
+    assert (told["limits"]["kept"], told["limits"]["n"], told["limits"]["verdict"]) == (75, 79, "open")
+    assert told["limits"]["kept_ci95"] == pytest.approx([0.8754, 0.9860], abs=5e-5)  # Clopper and Pearson, 75 of 79
+    assert run(["compare", folder, "--by", "s", "--design", "design.json"]) == 0
+    assert "x, all limits together: promised for 95 % of the picks; kept by 75 of 79" in capsys.readouterr().out
+
+
+def test_limits_that_were_not_measured_leave_all_of_them_together_open(inside) -> None:
+    shaped = [{**row, "max_pcp_acceleration_m_s2": 4.0, "place_error_mm": 3.0} for row in repeats({"s": "x"}, 2, n=80)]
+    folder = str(write_measured_set(inside / "m", [*repeats({"s": "none"}, 1), *shaped]))
+    for box, verdict in ((None, "kept"), (8.0, "open")):
+        limits = {**DESIGN["limits"], "box_error_mm": box}
+        (inside / "design.json").write_text(json.dumps({**DESIGN, "limits": limits}))
+        document = compared(folder, "--by", "s", "--design", "design.json")
+        told = {one["quantity"]: one for one in document["promises"]}
+        assert (told["limits"]["kept"], told["limits"]["n"], told["limits"]["verdict"]) == (80, 80, verdict)
+        unseen = [notice for notice in document["warnings"] if notice["code"] == "promise_not_measured"]
+        assert [("box_error_mm" in notice["message"]) for notice in unseen] == [True] * (verdict == "open")
 
 
 def test_a_simulation_promises_for_each_shaping_what_it_found(inside) -> None:

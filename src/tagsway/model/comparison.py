@@ -115,17 +115,17 @@ class Promise:
     source : str
         The file.
     quantity : str
-        As in `ConditionSummary`.
-    kind : {"planned", "at most"}
-        A value that was to be met, or a limit.
-    promised : float
-        In the quantity's unit.
+        As in `ConditionSummary`; "limits" for all of them.
+    kind : {"planned", "at most", "all limits"}
+        A value that was to be met, a limit, or all limits of the file at once.
+    promised : float or None
+        In the quantity's unit; None for all limits.
     share : float or None
-        Of the payloads that are to keep a limit.
+        Of the payloads that are to keep a limit, or all of them.
     n, kept : int
         Measurements that tell it, and those that keep the limit; of a planned value `kept` is None.
     median : float or None
-        Measured.
+        Measured; None for all limits, and where most never settle.
     kept_ci95 : tuple of float or None
         Share of such picks that keep it, exactly (Clopper and Pearson).
     verdict : {"kept", "open", "broken"} or None
@@ -138,8 +138,8 @@ class Promise:
     condition: str
     source: str
     quantity: str
-    kind: Literal["planned", "at most"]
-    promised: float
+    kind: Literal["planned", "at most", "all limits"]
+    promised: float | None
     share: float | None
     n: int
     kept: int | None

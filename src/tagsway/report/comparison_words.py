@@ -177,22 +177,26 @@ def describe_exchange(exchange: Exchange, reference: str) -> str:
 
 def describe_promise(promise: Promise) -> str:
     """Return what was promised and what was measured, in words."""
-    quantity = QUANTITIES[promise.quantity]
     where = f"{promise.condition} ({promise.group})" if promise.group else promise.condition
+    if promise.promised is None:
+        promised = "" if promise.share is None else f"promised for {100 * promise.share:g} % of the picks; "
+        return f"{where}, all limits together: {promised}{_kept_words(promise)}"
+    quantity = QUANTITIES[promise.quantity]
+    value = f"{promise.promised:.{quantity.digits}f} {quantity.unit}"
     measured = "never" if promise.median is None else f"{promise.median:.{quantity.digits}f} {quantity.unit}"
     if promise.kind == "planned":
-        return (
-            f"{where}, {quantity.label}: planned {promise.promised:.{quantity.digits}f} {quantity.unit}, measured "
-            f"{measured}"
-        )
-    words = f"{where}, {quantity.label}: promised at most {promise.promised:.{quantity.digits}f} {quantity.unit}"
+        return f"{where}, {quantity.label}: planned {value}, measured {measured}"
     share = "" if promise.share is None else f" for {100 * promise.share:g} % of the picks, each limit by itself"
+    words = f"{where}, {quantity.label}: promised at most {value}{share}"
+    return f"{words}; measured {measured}, {_kept_words(promise)}"
+
+
+def _kept_words(promise: Promise) -> str:
     interval = ""
     if promise.kept_ci95 is not None:
         interval = f" (95 %: {100 * promise.kept_ci95[0]:.0f} to {100 * promise.kept_ci95[1]:.0f} % of all)"
     verdict = {"kept": ": kept", "broken": ": BROKEN", "open": ": neither shown nor broken by so few", None: ""}
-    kept = f"kept by {promise.kept} of {promise.n}{interval}{verdict[promise.verdict]}"
-    return f"{words}{share}; measured {measured}, {kept}"
+    return f"kept by {promise.kept} of {promise.n}{interval}{verdict[promise.verdict]}"
 
 
 def describe_method(comparison: Comparison) -> str:

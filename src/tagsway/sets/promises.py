@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 
 from tagsway.errors import InputError
-from tagsway.model import Notice, Promise
+from tagsway.model import FloatArray, Notice, Promise
 from tagsway.repeats import share_interval
 from tagsway.sets.comparison import PLAIN, Sorted, part_of, values_of
 from tagsway.store.designs import DESIGN_SCHEMA
@@ -159,27 +160,69 @@ def _judge(document: Document, rows: Sorted, *, within: str | None, told: list[N
     shaping_of = _match(sorted({one.shaping for one in said}), document.condition, rows.conditions)
     for group in rows.groups:
         for condition in rows.conditions:
+            part, limits = part_of(rows, group, condition), []
             for one in said:
                 elsewhere = within == ACCELERATION and not _is_near(one.acceleration_m_s2, group)
                 if shaping_of.get(condition) != one.shaping or elsewhere:
                     continue
-                part = part_of(rows, group, condition)
-                values = values_of(part, one.quantity)
-                open_end = np.isinf(values) & ~(part["watched_s"].to_numpy(dtype=float) >= one.value)
-                if open_end.any():
-                    told.append(_tell_open(one, condition, int(open_end.sum())))
-                values = values[~np.isnan(values) & ~open_end]
-                if len(values):
-                    yield _promise(one, group, condition, source, values)
+                values = _known_values(one, part, condition, told)
+                if one.kind == "at most":
+                    limits.append((one, values))
+                if not np.isnan(values).all():
+                    yield _promise(one, group, condition, source, values[~np.isnan(values)])
+            if len(limits) > 1:
+                yield from _judge_together(limits, group, condition, source, told)
 
 
-def _promise(one: _Said, group: str, condition: str, source: str, values: np.ndarray[Any, Any]) -> Promise:
+def _known_values(one: _Said, part: pd.DataFrame, condition: str, told: list[Notice]) -> FloatArray:
+    """Return what was measured of a quantity, NaN where it does not tell whether the promise is kept."""
+    values = values_of(part, one.quantity)
+    open_end = np.isinf(values) & ~(part["watched_s"].to_numpy(dtype=float) >= one.value)
+    if open_end.any():
+        told.append(_tell_open(one, condition, int(open_end.sum())))
+    return np.where(open_end, np.nan, values)
+
+
+def _judge_together(
+    limits: Sequence[tuple[_Said, FloatArray]], group: str, condition: str, source: str, told: list[Notice]
+) -> Iterator[Promise]:
+    """Give the promise of all limits at once, over the measurements that tell all of those that were measured.
+
+    A limit that was not measured can only be broken by more of them: then the rest breaks the promise, or leaves it
+    open.
+    """
+    seen = [(one, values) for one, values in limits if not np.isnan(values).all()]
+    unseen = [one.quantity for one, values in limits if np.isnan(values).all()]
+    known = np.all([~np.isnan(values) for _, values in seen], axis=0) if seen else np.zeros(0, dtype=bool)
+    if not known.any():
+        return
+    kept = np.all([values[known] <= one.value for one, values in seen], axis=0)
+    share = limits[0][0].share
+    interval = share_interval(int(kept.sum()), len(kept))
+    verdict = _verdict(interval, share)
+    if unseen:
+        verdict = "open" if verdict == "kept" else verdict
+        told.append(_tell_unseen(unseen, condition))
+    yield Promise(
+        group=group,
+        condition=condition,
+        source=source,
+        quantity="limits",
+        kind="all limits",
+        promised=None,
+        share=share,
+        n=len(kept),
+        kept=int(kept.sum()),
+        median=None,
+        kept_ci95=interval,
+        verdict=verdict,
+    )
+
+
+def _promise(one: _Said, group: str, condition: str, source: str, values: FloatArray) -> Promise:
     median = float(np.median(values))
     kept = int(np.count_nonzero(values <= one.value)) if one.kind == "at most" else None
     interval = None if kept is None else share_interval(kept, len(values))
-    verdict: Literal["kept", "open", "broken"] | None = None
-    if interval is not None and one.share is not None:
-        verdict = "kept" if interval[0] >= one.share else "broken" if interval[1] < one.share else "open"
     return Promise(
         group=group,
         condition=condition,
@@ -192,8 +235,22 @@ def _promise(one: _Said, group: str, condition: str, source: str, values: np.nda
         kept=kept,
         median=median if np.isfinite(median) else None,
         kept_ci95=interval,
-        verdict=verdict,
+        verdict=_verdict(interval, one.share),
     )
+
+
+def _verdict(interval: tuple[float, float] | None, share: float | None) -> Literal["kept", "open", "broken"] | None:
+    if interval is None or share is None:
+        return None
+    return "kept" if interval[0] >= share else "broken" if interval[1] < share else "open"
+
+
+def _tell_unseen(unseen: Sequence[str], condition: str) -> Notice:
+    message = (
+        f"promised of {condition} and not measured: {', '.join(unseen)}; so all limits together can be broken by what "
+        "was measured, and not kept"
+    )
+    return Notice(code="promise_not_measured", message=message)
 
 
 def _tell_open(one: _Said, condition: str, count: int) -> Notice:

@@ -3,7 +3,8 @@
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,22 +110,33 @@ def name_file(subset: str) -> str:
     return f"{plain}-{hashlib.sha256(subset.encode()).hexdigest()[:6]}".lstrip("-")
 
 
-def _begin_to_draw(tasks: Sequence[SubsetTask], crew: Crew | None) -> Iterator[DrawnSubset]:
-    if crew is not None and tasks:
-        try:
-            return crew.executor.map(draw_subset, tasks)
-        except Exception as fault:
-            if not crew.died(fault):
-                raise
-    return map(draw_subset, tasks)
-
-
-def _end_drawing(drawing: Iterator[DrawnSubset], tasks: Sequence[SubsetTask], crew: Crew | None) -> list[DrawnSubset]:
-    """Return the subsets as they are drawn; by this process where a worker died meanwhile."""
+def _begin_to_draw(tasks: Sequence[SubsetTask], crew: Crew | None) -> list[Future[DrawnSubset]]:
+    """Hand the subsets to the workers; none is handed over where there are none, or they have died."""
+    if crew is None:
+        return []
     try:
-        return list(drawing)
+        return [crew.executor.submit(draw_subset, task) for task in tasks]
     except Exception as fault:
-        if crew is None or not crew.died(fault):
+        if not crew.died(fault):
+            raise
+        return []
+
+
+def _end_drawing(
+    drawing: Sequence[Future[DrawnSubset]], tasks: Sequence[SubsetTask], crew: Crew | None
+) -> list[DrawnSubset]:
+    """Return the subsets as they are drawn: those that no worker has begun, by this process meanwhile."""
+    if crew is None or not drawing:
+        return [draw_subset(task) for task in tasks]
+    own = {
+        number: draw_subset(task)
+        for number, task in reversed(list(enumerate(tasks)))
+        if crew.take_back(drawing[number])
+    }
+    try:
+        return [own[number] if number in own else future.result() for number, future in enumerate(drawing)]
+    except Exception as fault:
+        if not crew.died(fault):
             raise
         return [draw_subset(task) for task in tasks]
 

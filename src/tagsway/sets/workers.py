@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
@@ -48,6 +48,9 @@ class Crew(Protocol):
     def died(self, fault: BaseException) -> bool:
         """Tell whether a job ended because its worker did."""
 
+    def take_back(self, future: Future[Any]) -> bool:
+        """Take a job back that no worker has begun; tell whether it is."""
+
 
 class LocalCrew:
     """Processes of this machine, each held to one core.
@@ -80,6 +83,10 @@ class LocalCrew:
     def died(self, fault: BaseException) -> bool:
         """Tell whether a job ended because its worker did."""
         return isinstance(fault, BrokenExecutor)
+
+    def take_back(self, future: Future[Any]) -> bool:
+        """Take a job back that no worker has begun; tell whether it is."""
+        return future.cancel()
 
     def stop(self) -> None:
         """End the processes at once: what they have not handed over is lost."""
@@ -133,6 +140,10 @@ class ClusterCrew:
         from distributed import KilledWorker
 
         return isinstance(fault, KilledWorker)
+
+    def take_back(self, future: Future[Any]) -> bool:
+        """Leave it where it is: the scheduler does not tell what has begun."""
+        return False
 
 
 @contextmanager
