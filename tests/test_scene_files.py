@@ -61,7 +61,7 @@ def test_frequency_and_ratio_may_be_given_instead_of_spring_and_damper(tmp_path)
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("schema = ", "is no TOML file"),
+        ("schema = ", "is not TOML"),
         ("duration_s = 1.0\n", 'expected the line schema = "tagsway/scene/1"'),
         (SMALLEST.replace("scene/1", "scene/2"), "schema"),
         (SMALLEST.replace("[payload]", "[payloads]"), "payload"),
@@ -97,7 +97,7 @@ def test_a_scene_file_that_cannot_be_used_says_what_is_wrong(tmp_path, text, wor
 
 @pytest.mark.parametrize("name", ["missing.toml", "."])
 def test_a_scene_file_that_is_none_is_refused(tmp_path, name):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such file|is a directory"):
         read_scene(tmp_path / name)
 
 

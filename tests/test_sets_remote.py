@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from urllib.error import URLError
 from urllib.request import urlopen
@@ -12,6 +13,7 @@ from urllib.request import urlopen
 import pytest
 
 from set_files import events, inline, write_set
+from tagsway.cli.app import run as run_command
 from tagsway.errors import InputError
 from tagsway.sets.batch import Batch, measure_set
 from tagsway.sets.ledger import open_ledger
@@ -76,6 +78,14 @@ def test_the_same_files_from_a_server_and_from_this_machine_give_the_same_number
     shutil.copytree(tmp_path / "there", tmp_path / "near")
     near = run(manifest(tmp_path / "near", "a/r0.csv"), tmp_path / "2").tables.measurements
     assert far["natural_frequency_hz"].tolist() == near["natural_frequency_hz"].tolist()
+
+
+@pytest.mark.skipif(find_spec("s3fs") is not None, reason="what s3 needs is installed")
+def test_a_url_that_needs_something_else_says_what_to_install_and_leaves_no_folder(tmp_path, capsys) -> None:
+    root = manifest(tmp_path / "set", "s3://bucket/a.mp4")
+    assert run_command(["batch", str(root), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err == "error: s3://bucket/a.mp4: Install s3fs to access S3\n"
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_server_that_does_not_answer_is_said(tmp_path) -> None:

@@ -1,10 +1,12 @@
-"""Writing a file whole or not at all."""
+"""Files: written whole or not at all; and TOML, which people write."""
 
 import os
 import tempfile
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from tagsway.errors import InputError
 
@@ -39,6 +41,29 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all, in UTF-8 and with the line ends it has."""
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
+
+
+def read_toml(path: Path, *, expected: str) -> dict[str, Any]:
+    """Return what a TOML file says.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    expected : str
+        What it should be, for the error.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or is no TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as fault:
+        raise InputError(f"{path}: {(fault.strerror or 'cannot be read').lower()}; give {expected}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
+        raise InputError(f"{path} is not TOML ({fault}); give {expected}") from None
 
 
 def check_writable(folder: Path) -> None:

@@ -9,7 +9,7 @@ from tagsway.cli.batch import display_set, usable_cores
 from tagsway.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from tagsway.model import Comparison
     from tagsway.sets.comparing import Gathered
@@ -20,29 +20,44 @@ MOST_NAMED = 20
 """Failed files that are named on standard error; all of them are in comparison.csv."""
 
 
+Words = Annotated[
+    list[str],
+    typer.Argument(
+        help="NAME=FILES for each condition, the reference first: videos, tracks, results, sets, or patterns of them. "
+        "Or one set, with --by.",
+        metavar="NAME=FILES...",
+    ),
+]
+Within = Annotated[
+    str | None, typer.Option(help="A factor whose levels are compared each for itself, as the acceleration.")
+]
+Reference = Annotated[
+    str | None, typer.Option(help="The condition that the others are compared with.", show_default="the first")
+]
+Designs = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="What was promised: design.json or simulation.json, or its folder; CONDITION=PATH says of which.",
+        metavar="PATH",
+    ),
+]
+Up = Annotated[str | None, typer.Option(help="Where up is: image, reference, or degrees.", show_default="image")]
+SwayAxis = Annotated[str | None, typer.Option(help="Axis of the sway: x, z, or degrees.", show_default="found")]
+
+STATED = (
+    *("fps", "family", "tcp_id", "pcp_id", "reference_id", "tag_size", "tcp_tag_size", "pcp_tag_size", "camera", "up"),
+    *("sway_axis", "columns", "picks"),
+)
+"""Options of `identify`, for the files of which their set says nothing else."""
+
+
 def compare(
-    words: Annotated[
-        list[str],
-        typer.Argument(
-            help="NAME=FILES for each condition, the reference first: videos, tracks, results, sets, or patterns of "
-            "them. Or one set, with --by.",
-            metavar="NAME=FILES...",
-        ),
-    ],
+    context: typer.Context,
+    words: Words,
     by: Annotated[str | None, typer.Option(help="Of one set: the factor whose levels are compared.")] = None,
-    within: Annotated[
-        str | None, typer.Option(help="A factor whose levels are compared each for itself, as the acceleration.")
-    ] = None,
-    reference: Annotated[
-        str | None, typer.Option(help="The condition that the others are compared with.", show_default="the first")
-    ] = None,
-    design: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="What was promised: design.json or simulation.json, or its folder; CONDITION=PATH says of which.",
-            metavar="PATH",
-        ),
-    ] = None,
+    within: Within = None,
+    reference: Reference = None,
+    design: Designs = None,
     other_time: Annotated[float, typer.Option(help="Of a pick beside this move, in s: for the picks a minute.")] = 0.0,
     out: Annotated[str | None, typer.Option(help="Folder for the results.", show_default="NAMES-compare")] = None,
     fps: Annotated[float | None, typer.Option(help="Capture rate in Hz, where the files' headers are wrong.")] = None,
@@ -54,12 +69,8 @@ def compare(
     tcp_tag_size: Annotated[float | None, typer.Option(help="The same for the tool's tag alone.")] = None,
     pcp_tag_size: Annotated[float | None, typer.Option(help="The same for the product's tag alone.")] = None,
     camera: Annotated[Path | None, typer.Option(help="camera.json of a known lens.")] = None,
-    up: Annotated[
-        str | None, typer.Option(help="Where up is: image, reference, or degrees.", show_default="image")
-    ] = None,
-    sway_axis: Annotated[
-        str | None, typer.Option(help="Axis of the sway: x, z, or degrees.", show_default="found")
-    ] = None,
+    up: Up = None,
+    sway_axis: SwayAxis = None,
     columns: Annotated[str | None, typer.Option(help="Columns of tracks: T,X[,Z].")] = None,
     picks: Annotated[bool, typer.Option("--picks", help="Each move in a file is a measurement.")] = False,
     workers: Annotated[int | None, typer.Option(help="Processes, each on one core.", show_default="the cores")] = None,
@@ -79,24 +90,9 @@ def compare(
     if reference is not None and wish.by is None and reference not in {each.name for each in conditions}:
         raise InputError(f"--reference is {reference!r}: expected one of {', '.join(str(c.name) for c in conditions)}")
     title, folder = _names(conditions, wish.by, out)
-    stated = {
-        "fps": fps,
-        "family": family,
-        "tcp_id": tcp_id,
-        "pcp_id": pcp_id,
-        "reference_id": reference_id,
-        "tag_size": tag_size,
-        "tcp_tag_size": tcp_tag_size,
-        "pcp_tag_size": pcp_tag_size,
-        "camera": None if camera is None else str(camera.resolve()),
-        "up": up,
-        "sway_axis": sway_axis,
-        "columns": columns,
-        "picks": picks or None,
-    }
     crew = workers or usable_cores()
     found, comparison = _compare(
-        conditions, wish, design or [], _stated(stated), folder, title=title, workers=crew, shown=not quiet
+        conditions, wish, design or [], _stated(context.params), folder, title=title, workers=crew, shown=not quiet
     )
     _report(found, comparison, folder, as_json=json, quiet=quiet)
 
@@ -196,8 +192,10 @@ def _kept_in(conditions: "Sequence[Condition]", folder: Path) -> Path:
     return folder
 
 
-def _stated(options: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}
+def _stated(options: "Mapping[str, Any]") -> dict[str, Any]:
+    """Return the options of `identify` that were given."""
+    found = {name: options[name] for name in STATED if options[name] is not None and options[name] is not False}
+    return {name: str(value.resolve()) if isinstance(value, Path) else value for name, value in found.items()}
 
 
 def _name_failed(found: "Gathered", folder: Path) -> None:

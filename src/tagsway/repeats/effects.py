@@ -48,17 +48,7 @@ def fit_random_effects(
     .. [2] W. Viechtbauer, J. Educational and Behavioral Statistics 30 (2005) 261-293.
     .. [3] W. Viechtbauer, Statistics in Medicine 26 (2007) 37-52.
     """
-    y, s = np.asarray(values, dtype=float), np.asarray(std, dtype=float)
-    if y.shape != s.shape or y.ndim != 1:
-        raise InputError(f"each repeat has one value and one standard error, not {y.shape} and {s.shape}")
-    both = np.isfinite(y) & np.isfinite(s)
-    y, s = y[both], s[both]
-    if not np.all(s > 0):
-        raise InputError(f"a repeat's standard error is {s.min():g}: expected a positive one, from its own fit")
-    if y.size < 2:
-        raise NotIdentifiableError(
-            f"{y.size} repeats do not tell how much repeats differ: film at least two", code="no_repeats"
-        )
+    y, s = _keep_finite(values, std)
     unit = float(np.median(s))  # solved in units of a typical error: the numbers may be Hz or 1e-4
     y, s = y / unit, s / unit
     moments = _by_moments(y, s)
@@ -75,6 +65,22 @@ def fit_random_effects(
         p_value=float(chi2.sf(q, y.size - 1)),
         method=method,
     )
+
+
+def _keep_finite(values: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the repeats that have a value and an error."""
+    y, s = np.asarray(values, dtype=float), np.asarray(std, dtype=float)
+    if y.shape != s.shape or y.ndim != 1:
+        raise InputError(f"each repeat has one value and one standard error, not {y.shape} and {s.shape}")
+    both = np.isfinite(y) & np.isfinite(s)
+    y, s = y[both], s[both]
+    if not np.all(s > 0):
+        raise InputError(f"a repeat's standard error is {s.min():g}: expected a positive one, from its own fit")
+    if y.size < 2:
+        raise NotIdentifiableError(
+            f"{y.size} repeats do not tell how much repeats differ: film at least two", code="no_repeats"
+        )
+    return y, s
 
 
 def between_repeat_spread(effects: RandomEffects, *, source: str) -> Spread:

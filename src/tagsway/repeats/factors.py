@@ -61,31 +61,16 @@ def fit_factor_effects(
     .. [1] J. G. MacKinnon and H. White, J. Econometrics 29 (1985) 305-325.
     .. [2] N. R. Draper and H. Smith, Applied Regression Analysis, 3rd ed. (1998), section 2.1.
     """
-    y: FloatArray = np.asarray(values, dtype=float)
-    for name, column in factors.items():
-        if len(column) != y.size:
-            raise InputError(f"factor {name} has {len(column)} values for {y.size} measurements: expected one each")
-    finite = np.flatnonzero(np.isfinite(y))
-    y = y[finite]
-    chosen = {name: [column[int(row)] for row in finite] for name, column in factors.items()}
+    y, chosen = _keep_finite(values, factors)
     blocks, unanswered, grouping = make_blocks(chosen, labels)
     if not blocks:
         raise NotIdentifiableError("no factor varies among the measurements", code="no_factor")
     fit = _fit(y, blocks, None if grouping is None else grouping.codes)
-    confounded = find_confounded(blocks)
-    effects: list[FactorEffect] = []
-    for block, start in zip(blocks, fit.starts, strict=True):
-        if block.name in confounded:
-            reason = f"confounded with {confounded[block.name]}: they were not varied apart"
-            unanswered.append(Unanswered(factor=block.name, level=None, reason=reason))
-        else:
-            told, lone = _effects_of(block, start, fit, "" if grouping is None else grouping.name)
-            effects += told
-            unanswered += lone
+    effects, silent = _tell_effects(blocks, fit, "" if grouping is None else grouping.name)
     return FactorModel(
         n=y.size,
         effects=tuple(effects),
-        unanswered=tuple(unanswered),
+        unanswered=(*unanswered, *silent),
         grouped_by=None if grouping is None else grouping.name,
         residual_std=float(np.sqrt(np.sum(fit.residual**2) / (y.size - fit.rank))),
         degrees_of_freedom=fit.free,
@@ -104,6 +89,18 @@ class _Fit:
     rank: int
     free: int
     starts: tuple[int, ...]
+
+
+def _keep_finite(
+    values: FloatArray, factors: Mapping[str, Sequence[object]]
+) -> tuple[FloatArray, dict[str, list[object]]]:
+    """Return the values that are there, and their factors."""
+    y: FloatArray = np.asarray(values, dtype=float)
+    for name, column in factors.items():
+        if len(column) != y.size:
+            raise InputError(f"factor {name} has {len(column)} values for {y.size} measurements: expected one each")
+    finite = np.flatnonzero(np.isfinite(y))
+    return y[finite], {name: [column[int(row)] for row in finite] for name, column in factors.items()}
 
 
 def _fit(y: FloatArray, blocks: Sequence[Block], groups: IntArray | None) -> _Fit:
@@ -152,6 +149,22 @@ def _leave_group_out(u: FloatArray, residual: FloatArray, groups: IntArray) -> t
         changes.append(vectors[:, told] @ (vectors[:, told].T @ (u[rows].T @ residual[rows]) / values[told]))
         alone.append(vectors[:, ~told].T)
     return np.array(changes), np.vstack(alone)
+
+
+def _tell_effects(blocks: Sequence[Block], fit: _Fit, group: str) -> tuple[list[FactorEffect], list[Unanswered]]:
+    """Return the effects of all factors, and what the data do not tell."""
+    effects: list[FactorEffect] = []
+    unanswered: list[Unanswered] = []
+    confounded = find_confounded(blocks)
+    for block, start in zip(blocks, fit.starts, strict=True):
+        if block.name in confounded:
+            reason = f"confounded with {confounded[block.name]}: they were not varied apart"
+            unanswered.append(Unanswered(factor=block.name, level=None, reason=reason))
+        else:
+            told, lone = _effects_of(block, start, fit, group)
+            effects += told
+            unanswered += lone
+    return effects, unanswered
 
 
 def _effects_of(block: Block, start: int, fit: _Fit, group: str) -> tuple[list[FactorEffect], list[Unanswered]]:

@@ -2,13 +2,12 @@
 
 import csv
 import json
-import tomllib
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from tagsway.errors import InputError
+from tagsway.files import read_toml
 from tagsway.scene.model import Scene
 
 WAYPOINT_COLUMNS = ("time_s", "x_m", "z_m")
@@ -34,12 +33,7 @@ def read_scene(path: Path) -> Scene:
         Where the file cannot be read, has a key that is not known, or a value that cannot be.
     """
     path = Path(path)
-    try:
-        tree: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}): expected a scene file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is no TOML file ({error}): expected a scene file") from None
+    tree = read_toml(path, expected="a scene file")
     if "schema" not in tree:
         raise InputError(f'{path}: is no scene file: expected the line schema = "tagsway/scene/1"')
     if isinstance(tree.get("trajectory"), str):

@@ -33,15 +33,10 @@ def find_exchanges(
         Empty for a single group. By the medians alone: whether a difference is significant, only a comparison within
         one group says.
     """
-    told = {(s.group, s.condition, s.quantity): s for s in summaries}
-
-    def median(group: str, condition: str, quantity: str) -> float | None:
-        found = told.get((group, condition, quantity))
-        return None if found is None else found.median
-
+    medians = {(s.group, s.condition, s.quantity): s.median for s in summaries}
     found = []
     for place in groups if len(groups) > 1 else ():
-        before = {name: median(place, conditions[0], name) for name in (MOTION, OVERSHOOT, LOAD)}
+        before = {name: medians.get((place, conditions[0], name)) for name in (MOTION, OVERSHOOT, LOAD)}
         slow, swing, load = before[MOTION], before[OVERSHOOT], before[LOAD]
         if swing is None:
             continue
@@ -50,15 +45,15 @@ def find_exchanges(
             able = [
                 (motion, group, overshoot)
                 for group in groups
-                if (motion := median(group, condition, MOTION)) is not None
-                and (overshoot := median(group, condition, OVERSHOOT)) is not None
+                if (motion := medians.get((group, condition, MOTION))) is not None
+                and (overshoot := medians.get((group, condition, OVERSHOOT))) is not None
                 and overshoot <= swing
                 and motion <= longest
             ]
             if not able:
                 continue
             motion, group, overshoot = min(able, key=lambda each: each[0])
-            pushed = median(group, condition, LOAD)
+            pushed = medians.get((group, condition, LOAD))
             found.append(
                 Exchange(
                     reference_group=place,

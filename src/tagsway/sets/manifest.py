@@ -1,13 +1,13 @@
 """What a set consists of: a folder of subsets, a manifest, or one clip with many picks."""
 
 import csv
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tagsway.errors import InputError
+from tagsway.files import read_toml
 from tagsway.model import Settings
 from tagsway.sets.options import OPTIONS, inside, make_settings, read_options, unknown_key
 from tagsway.sets.remote import find_remote, is_url
@@ -165,10 +165,7 @@ class _Finder:
             yield self.item(file, subset=_subset_of(file, self.root), stated=stated or {}, factors={}, origin="")
 
     def from_toml(self, path: Path) -> Iterator[Item]:
-        try:
-            document = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
-            raise InputError(f"{path} is not TOML ({fault}); give a {SET_SCHEMA} file") from None
+        document = read_toml(path, expected=f"a {SET_SCHEMA} file")
         if (schema := document.pop("schema", None)) != SET_SCHEMA:
             raise InputError(f"{path}: expected schema = {SET_SCHEMA!r}, found {schema!r}")
         entries, common = document.pop("measurement", []), document.pop("settings", {})
@@ -262,10 +259,7 @@ class _Finder:
             path = folder / INHERITED
             own: dict[str, Any] = {}
             if path.exists():
-                try:
-                    table = tomllib.loads(path.read_text(encoding="utf-8"))
-                except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
-                    raise InputError(f"{path} is not TOML ({fault})") from None
+                table = read_toml(path, expected="a table of options")
                 nested = table.pop("settings", {})
                 table.pop("schema", None)
                 if not isinstance(nested, dict):

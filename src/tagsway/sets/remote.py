@@ -33,9 +33,9 @@ def find_remote(url: str, *, origin: str) -> list[str]:
     """
     if "::" in url or url.partition("://")[0] not in REMOTE:
         raise InputError(f"{origin}: file {url!r}: expected a URL of {', '.join(REMOTE)}, or a path in the set")
+    fs, path = _open(url)
     if not any(sign in url for sign in "*["):
         return [url]
-    fs, path = _open(url)
     try:
         found = sorted(fs.unstrip_protocol(name) for name in fs.glob(path))
     except Exception as fault:  # each kind of file system has its own

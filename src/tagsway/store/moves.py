@@ -1,9 +1,9 @@
 """Reading move.toml."""
 
-import tomllib
 from pathlib import Path
 
 from tagsway.errors import InputError
+from tagsway.files import read_toml
 from tagsway.model import Move
 from tagsway.store.documents import validate
 
@@ -29,12 +29,7 @@ def read_move(path: Path) -> Move:
         Where the file cannot be read, is no TOML or of another schema, or where a key is missing, unknown or has a
         value that cannot be: names the file and the first such key.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as fault:
-        raise InputError(f"{path}: {(fault.strerror or 'cannot be read').lower()}; give a move file") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
-        raise InputError(f"{path} is not TOML ({fault}); give a {MOVE_SCHEMA} file") from None
+    document = read_toml(path, expected=f"a move file, {MOVE_SCHEMA}")
     if (schema := document.pop("schema", None)) != MOVE_SCHEMA:
         raise InputError(f"{path}: expected schema = {MOVE_SCHEMA!r}, found {schema!r}")
     return validate(Move, document, origin=str(path))
