@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from tagsway.sets.jobs import Job, Outcome, measure
 from tagsway.sets.ledger import open_ledger
 from tagsway.sets.manifest import find_set
 from tagsway.sets.running import WORKER_DIED, Runner
-from tagsway.sets.workers import local_crew
+from tagsway.sets.workers import FORKED, local_crew
 
 
 def crash_on_r2(job: Job) -> Outcome:
@@ -48,6 +49,24 @@ def test_a_worker_that_is_killed_costs_nothing(root, tmp_path, undisturbed) -> N
     assert tables(out) == undisturbed
     assert sorted(events(out, "finished")) == sorted(set(events(out, "started")))
     assert events(out, "lost"), "a worker was killed while it had a file"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not FORKED, reason="each worker loads for itself there")
+def test_the_process_that_workers_are_copied_from_may_be_killed_too(root, tmp_path, undisturbed) -> None:
+    out, killed = tmp_path / "out", []
+
+    def kill_it(_: Outcome) -> None:
+        if not killed:
+            worker = multiprocessing.active_children()[0].pid
+            killed.append(int(Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[1]))
+            assert killed[0] != os.getpid()
+            os.kill(killed[0], signal.SIGKILL)
+
+    with open_ledger(out) as ledger:
+        measure_set(root, ledger, lambda: local_crew(2), begin=lambda *_: None, report=kill_it)
+    assert tables(out) == undisturbed
+    assert len(events(out, "finished")) == len(set(events(out, "finished"))) == 6
 
 
 @pytest.mark.slow
