@@ -1,10 +1,12 @@
 """`identify batch`: options, exit codes, and a main process that is killed."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -75,6 +77,28 @@ def test_a_main_process_that_is_killed_takes_its_workers_along_and_the_next_run_
     assert tables(inside / "out") == tables(inside / "whole")
     done = events(inside / "out", "finished")
     assert len(done) == len(set(done))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="a terminal is opened in another way there")
+def test_a_terminal_shows_what_is_done_failed_and_left_and_how_fast(inside) -> None:
+    import pty
+
+    write_set(inside / "set", {"a": [2.0, 2.1, 2.2]})
+    (inside / "set" / "a" / "empty.mp4").touch()
+    ours, theirs = pty.openpty()
+    with subprocess.Popen([*BATCH, "set", "--workers", "1"], stderr=theirs, stdout=subprocess.DEVNULL) as process:
+        os.close(theirs)
+        shown = b""
+        with suppress(OSError):  # the end of a terminal is an error
+            while part := os.read(ours, 4096):
+                shown += part
+        os.close(ours)
+    assert process.returncode == 4
+    words = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", shown.decode())
+    assert "0 done, 0 failed, 4 left" in words
+    assert re.search(r"2 done, 1 failed, 1 left +[1-9]\d* fps", words)
+    assert "failed: a/empty.mp4 is empty" in words
 
 
 def test_a_second_batch_in_the_same_folder_says_so(inside, capsys) -> None:

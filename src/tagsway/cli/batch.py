@@ -155,25 +155,26 @@ def display_set(name: str, *, shown: bool) -> Iterator[tuple[Callable[[int, int]
     columns = (
         rich.TextColumn("{task.description}"),
         rich.BarColumn(),
-        rich.TextColumn("{task.completed} done, {task.fields[failed]} failed, {task.fields[left]} left"),
+        rich.TextColumn("{task.fields[done]} done, {task.fields[failed]} failed, {task.fields[left]} left"),
         rich.TextColumn("{task.fields[speed]} fps"),
         rich.TimeRemainingColumn(),
     )
     with rich.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=None, failed=0, left="?", speed="-")
+        task = bar.add_task(name, total=None, done=0, failed=0, left="?", speed="-")
         frames = failed = 0
 
         def begin(total: int, kept: int) -> None:
-            nonlocal frames
-            frames = 0
-            bar.reset(task, total=total, completed=kept, left=total - kept)  # what was done before has no speed
+            nonlocal frames, failed
+            frames = failed = 0  # what was done before has no speed
+            bar.reset(task, total=total, completed=kept, done=kept, failed=0, left=total - kept, speed="-")
 
         def report(outcome: "Outcome") -> None:
             nonlocal frames, failed
             frames, failed = frames + outcome.frames, failed + outcome.failed
             shown_task = bar.tasks[0]
-            left = int((shown_task.total or 0) - shown_task.completed - 1)
+            over = int(shown_task.completed) + 1
+            left = max(int(shown_task.total or 0) - over, 0)
             speed = f"{frames / shown_task.elapsed:.0f}" if shown_task.elapsed else "-"
-            bar.update(task, advance=1, failed=failed, left=max(left, 0), speed=speed)
+            bar.update(task, completed=over, done=over - failed, failed=failed, left=left, speed=speed)
 
         yield begin, report
