@@ -147,7 +147,10 @@ def kill_often(root: Path, kills: int, files: int) -> None:
     while True:
         with subprocess.Popen([*BATCH, str(path), "--out", str(out), "--quiet"]) as process:
             while left and process.poll() is None:
-                time.sleep(chance.uniform(1.0, 6.0))
+                begun = chance.random() < 0.1  # mostly wait until there are workers, however slowly they start
+                while not begun and process.poll() is None and not list_workers(process.pid):
+                    time.sleep(0.05)
+                time.sleep(chance.uniform(0.0, 5.0))
                 running = list_workers(process.pid)
                 if process.poll() is not None:
                     break
