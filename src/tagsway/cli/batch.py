@@ -126,7 +126,8 @@ def _summary_lines(done: "Batch") -> list[str]:
 def _effect_lines(done: "Batch") -> list[str]:
     """Return what the factors do, as the page says it."""
     more = len(done.effects) - MOST_EFFECTS
-    return [*done.effects[:MOST_EFFECTS], *([f"{more} more effects: see effects.csv"] if more > 0 else [])]
+    head = "what the factors do, the others alike (± one standard error):"
+    return [head, *done.effects[:MOST_EFFECTS], *([f"{more} more effects: see effects.csv"] if more > 0 else [])]
 
 
 def _number(value: float | None, form: str) -> str:
