@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 from numba import types
 
-from tagsway.model import FloatArray
 from tagsway.compiled import compile_part, compile_whole
+from tagsway.model import FloatArray
 from tagsway.tags.template import PARAMETERS
 
 SUMMARY = 20
