@@ -97,7 +97,7 @@ def test_a_scene_file_that_cannot_be_used_says_what_is_wrong(tmp_path, text, wor
 
 @pytest.mark.parametrize("name", ["missing.toml", "."])
 def test_a_scene_file_that_is_none_is_refused(tmp_path, name):
-    with pytest.raises(InputError, match="no such file|is a directory"):
+    with pytest.raises(InputError, match=r"no such file|is a directory"):
         read_scene(tmp_path / name)
 
 
