@@ -11,24 +11,44 @@ from tagsway.video.reading import read_clock, read_frames
 from tagsway.video.writing import Codec, write_video
 
 
-def scatter_of(places: np.ndarray, *, stated: float) -> float:
+def scatter_of(places: np.ndarray, *, stated: float, time_s: np.ndarray | None = None) -> float:
     scatter = Scatter()
-    for innovation in np.diff(places, 3):
-        scatter.add(np.full(3, innovation), np.full(3, stated))
+    times = np.arange(len(places)) / 200 if time_s is None else time_s
+    for time, place in zip(times, places, strict=True):
+        scatter.add(float(time), np.full(3, place), np.full(3, stated))
     return float(scatter.variance[0])
 
 
 def test_white_noise_is_measured() -> None:
     rng = np.random.default_rng(0)
     found = [scatter_of(rng.normal(scale=0.02, size=200), stated=0.005**2) for _ in range(40)]
-    # statistics: about a dozen independent squares each and the least of four orders, so 3 % for the mean of 40
-    assert 0.75 < np.mean(found) / 0.02**2 < 1.2
+    # statistics: about a dozen independent squares each, so 6 % for the mean of 40
+    assert 0.8 < np.mean(found) / 0.02**2 < 1.2
+
+
+def test_noise_that_neighbours_share_is_measured_whole() -> None:
+    rng = np.random.default_rng(4)
+    found = []
+    for _ in range(40):
+        fresh, shared = rng.normal(size=400), np.zeros(400)
+        for k in range(1, 400):
+            shared[k] = 0.6 * shared[k - 1] + math.sqrt(1 - 0.6**2) * fresh[k]
+        found.append(scatter_of(0.02 * shared, stated=0.005**2))
+    # statistics as above; differences of neighbours alone see a quarter of it
+    assert 0.6 < np.mean(found) / 0.02**2 < 1.2
+
+
+def test_uneven_times_of_a_fast_motion_are_not_taken_for_noise() -> None:
+    rng = np.random.default_rng(5)
+    time = np.cumsum(rng.uniform(0.003, 0.007, size=300))
+    noise = rng.normal(scale=0.003, size=300)
+    assert scatter_of(40 * np.sin(2 * math.pi * 2.0 * time) + noise, stated=0.003**2, time_s=time) < 2 * 0.003**2
 
 
 def test_fast_motion_at_a_phones_rate_is_not_taken_for_noise() -> None:
     time = np.arange(300) / 60
     noise = np.random.default_rng(1).normal(scale=0.003, size=300)
-    assert scatter_of(40 * np.sin(2 * math.pi * 2.0 * time) + noise, stated=0.003**2) < 2 * 0.003**2
+    assert scatter_of(40 * np.sin(2 * math.pi * 2.0 * time) + noise, stated=0.003**2, time_s=time) < 2 * 0.003**2
 
 
 def test_too_few_frames_say_nothing() -> None:

@@ -20,22 +20,24 @@ BEST_PERCENT = 2.0
 """Of a record's samples: so many are as sure as the images alone allow."""
 
 
-def find_image_noise(std: FloatArray) -> float:
+def find_image_noise(std: FloatArray, *, share: float = 1.0) -> float:
     """Return the standard error that the images' own noise leaves, without a codec's share.
 
     Parameters
     ----------
     std : ndarray
         Stated standard errors of a whole record; what is not finite is left out.
+    share : float
+        Part of their variances that the images' own noise makes, as the tracker knows it.
 
     Returns
     -------
     float
-        That of the best samples but the very best; 0 where none is stated. A tag at rest has the images' noise alone;
-        what comes on top of it in motion is a codec's, or a blur's.
+        That of the best samples but the very best, times the root of that share; 0 where none is stated. What comes on
+        top of it is a codec's, or a blur's.
     """
     stated = std[np.isfinite(std)]
-    return float(np.percentile(stated, BEST_PERCENT)) if len(stated) else 0.0
+    return float(np.sqrt(share) * np.percentile(stated, BEST_PERCENT)) if len(stated) else 0.0
 
 
 def measure_noise(time_s: FloatArray, values: FloatArray, std: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ class Samples:
     time_s, value, spread : ndarray, shape (n,)
         Times from the window's start, values, and each one's relative standard error.
     stated : float
-        Standard error of the median sample as its source states it; 0 where it states none.
+        Standard error that the images' own noise leaves in the best samples; 0 where the source states none.
     drive : ndarray, shape (n,), optional
         Position of the point of suspension along the axis of the sway, where it is to be an input.
     drive_std : float

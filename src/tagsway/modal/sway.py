@@ -30,8 +30,8 @@ class Sway:
     spread : ndarray, shape (n,)
         Standard error of each sample over that of the median one.
     stated_std : float
-        Standard error of the record's best samples as the track states it, in the track's length unit; 0 where it
-        states none. A tag at rest has the images' own noise alone; what comes on top of it in motion is a codec's.
+        Standard error that the images' own noise leaves in the record's best samples, as the track states it, in the
+        track's length unit; 0 where it states none. What comes on top of it is a codec's.
     curvature : float
         Of the path, in 1 / length unit; 0 where it is straight within the errors. The value is then the projection on
         the main axis, else the arc's length.
@@ -121,11 +121,10 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     The tag runs on an arc. Where both coordinates show one, the signal is the way along the arc: its spectrum has an
     overtone far below that of the projection r sin q, and its amplitude is not compressed at large angles.
     """
-    points, std = _relative(track)
+    points, std, image_std = _relative(track)
     inside = np.ones(len(track.time_s), dtype=bool)
     if window is not None:
         inside = (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
-    whole_std = std
     points, std, time = points[inside], std[inside], track.time_s[inside]
     finite = np.isfinite(points)
     across = points[finite[:, 1], 1]
@@ -171,7 +170,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         time_s=time,
         value=value,
         spread=_spread(stated),
-        stated_std=find_image_noise(np.hypot(*(whole_std * direction).T)),
+        stated_std=find_image_noise(np.hypot(*(image_std * direction).T)),
         curvature=curvature,
         curvature_std=curvature_std,
         planar=planar or angular,
@@ -181,7 +180,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         drive_std=drive_std,
         angle_rad=track.pcp.angle_rad[kept],
         angle_std_rad=track.pcp.angle_std_rad[kept],
-        angle_stated_std=find_image_noise(track.pcp.angle_std_rad),
+        angle_stated_std=find_image_noise(track.pcp.angle_std_rad, share=track.pcp.image_share),
     )
 
 
@@ -218,11 +217,14 @@ def remove_spikes(value: FloatArray) -> FloatArray:
     return np.where(away > limit, middle, value)
 
 
-def _relative(track: Track) -> tuple[FloatArray, FloatArray]:
-    points, std = track.pcp.position, track.pcp.position_std
-    if track.tcp is None or np.count_nonzero(np.isfinite(points[:, 0] - track.tcp.position[:, 0])) < 8:
-        return points, std
-    return points - track.tcp.position, np.hypot(std, track.tcp.position_std)
+def _relative(track: Track) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return positions from the tool, their standard errors, and what the images' noise makes of these."""
+    points, std, share = track.pcp.position, track.pcp.position_std, np.sqrt(track.pcp.image_share)
+    tool = track.tcp
+    if tool is None or np.count_nonzero(np.isfinite(points[:, 0] - tool.position[:, 0])) < 8:
+        return points, std, share * std
+    image_std = np.hypot(share * std, np.sqrt(tool.image_share) * tool.position_std)
+    return points - tool.position, np.hypot(std, tool.position_std), image_std
 
 
 def _spread(std: FloatArray) -> FloatArray:

@@ -50,12 +50,15 @@ class Sighting:
         Standard error of the angle.
     correlation : float
         Of the pattern with the image, -1..1.
+    image_share : float
+        Part of the centre's variance that the image shows itself; the rest is a coder's, and lasts for many images.
     """
 
     homography: FloatArray
     covariance_px2: FloatArray
     angle_std_rad: float
     correlation: float
+    image_share: float = 1.0
 
     @property
     def centre_px(self) -> FloatArray:
@@ -91,6 +94,8 @@ class TagSightings:
         Direction in the image as in `Sighting`, in (-π, π], and its standard error.
     correlation : ndarray, shape (n,)
         Of the pattern with the image.
+    image_share : float
+        Part of the variances that the images show themselves, as a mean; the rest is a coder's.
     """
 
     tag_id: int
@@ -100,6 +105,7 @@ class TagSightings:
     angle_rad: FloatArray
     angle_std_rad: FloatArray
     correlation: FloatArray
+    image_share: float = 1.0
 
     @property
     def seen(self) -> BoolArray:

@@ -31,6 +31,8 @@ class TagTrack:
         Its standard error.
     scale_mm_per_px : Estimate or None
         Millimetres in the tag's plane to a pixel; None where the source has no pixels or the size is not known.
+    image_share : float
+        Part of the variances that the images' own noise makes. The rest a coder left, which lasts for many samples.
     """
 
     position: FloatArray
@@ -38,6 +40,7 @@ class TagTrack:
     angle_rad: FloatArray
     angle_std_rad: FloatArray
     scale_mm_per_px: Estimate | None = None
+    image_share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

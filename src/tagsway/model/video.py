@@ -24,11 +24,14 @@ class Frame:
     grey : ndarray of uint8, shape (height, width)
         Luma, upright as a player would show it; in full range (0..255) unless the reader was asked to leave it as it
         is coded.
+    predicted : bool
+        Whether a coder made it from other images, so that their errors may live on in it.
     """
 
     index: int
     time_s: float
     grey: GreyArray
+    predicted: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

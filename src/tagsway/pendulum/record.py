@@ -314,7 +314,7 @@ def _draw_codec_drag(
 
     As large as the noise beyond the images' own, and as slow as a codec changes its mind; nothing for raw video.
     """
-    images = np.array([find_image_noise(axis) for axis in tool.position_std.T])
+    images = np.array([find_image_noise(axis, share=tool.image_share) for axis in tool.position_std.T])
     excess = np.sqrt(np.maximum(noise_m**2 - images**2, 0.0)) if np.any(images > 0) else np.zeros_like(noise_m)
     knots = np.arange(halves_s[0], halves_s[-1] + 2 * CODEC_MEMORY_S, CODEC_MEMORY_S)
     wander = make_interp_spline(knots, rng.normal(size=(len(knots), 2, DRAWS)), k=3)(halves_s)

@@ -46,7 +46,9 @@ def follow_log(track: Track, file: Path, robot: Robot | None = None) -> tuple[Tr
     aligned = align_log(track, tool_of_log(read_log(file), robot))
     assert track.tcp is not None
     inside = np.isfinite(aligned.position)
-    tool = replace(track.tcp, position=aligned.position, position_std=np.where(inside, ENCODER_STD_M, np.nan))
+    tool = replace(
+        track.tcp, position=aligned.position, position_std=np.where(inside, ENCODER_STD_M, np.nan), image_share=1.0
+    )
     agreement = aligned.agreement
     scale = agreement.scale.value
     both = inside.all(axis=1) & np.isfinite(track.tcp.position).all(axis=1)

@@ -20,6 +20,7 @@ CSV_ROWS = 2000
 
 STEP_S = 1e-9
 STEP_RAD = 1e-9
+STEP_SHARE = 1e-6
 
 
 def quantise(track: Track) -> Track:
@@ -36,6 +37,7 @@ def quantise(track: Track) -> Track:
             angle_rad=_to_steps(tag.angle_rad, STEP_RAD),
             angle_std_rad=_to_steps(tag.angle_std_rad, STEP_RAD),
             scale_mm_per_px=tag.scale_mm_per_px,
+            image_share=float(_to_steps(np.array(tag.image_share), STEP_SHARE)),
         )
 
     return Track(
@@ -90,6 +92,8 @@ def _columns(track: Track, clean: CleanTrack | None) -> list[tuple[str, str, Flo
         columns.append((f"{name}_angle_rad", "%.9f", tag.angle_rad))
         columns += [(f"{name}_{axis}_std_{unit}", "%.9f", error[:, i]) for i, axis in enumerate("xz")]
         columns.append((f"{name}_angle_std_rad", "%.9f", tag.angle_std_rad))
+        if tag.image_share < 1:
+            columns.append((f"{name}_image_share", "%.6f", np.full(len(track.time_s), tag.image_share)))
         smooth = cleaned.get(name)
         if smooth is None:
             continue

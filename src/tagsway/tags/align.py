@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from tagsway.model import FloatArray, GreyArray, Sighting
+from tagsway.tags.coder import CoderPull
 from tagsway.tags.grid import LEAST_CONTRAST, LEAST_CORRELATION, Grid, align_grid, make_grid, shows_pattern
 from tagsway.tags.pose import lies_in, local_jacobian, measure_scale
 from tagsway.tags.refine import Refinement, refine
-from tagsway.tags.scatter import Scatter
 from tagsway.tags.template import Template, make_template
 
 _SURE_CORRELATION = 0.93  # no other id and no covered cells reach it: the cells need not be looked at apart
@@ -28,8 +28,7 @@ _RESIZED = 1.08  # a template serves sizes within this factor
 _MEMORY = 32  # frames in the running ratio of the two covariances
 _BLOCKS_EVERY = 8  # frames, after that
 _ODD_VARIANCE = 1.5
-_COMPRESSED_LOG_RATIO = 0.1  # raw images stay below; then the scatter in time counts as well ...
-_MOST_SCATTER = (0.1**2, 0.1**2, math.inf)  # ... up to what a codec that moves blocks by quarters of a pixel may add
+_CODED_MEMORY = 12  # looks at blocks, where a coder's share in them changes with the motion
 
 
 class Aligner:
@@ -63,14 +62,22 @@ class Aligner:
         self._blurred_by_px = math.inf
         self._shutter = 0.0
         self._lessons = 0
-        self._log_ratio = [0.0, 0.0, 0.0]
-        self._scatter = Scatter()
-        self._shifts_px2 = 0.0
+        self._log_ratio = np.zeros(3)
+        self._looks = 0
+        self._coder = CoderPull()
+        self._pull_px2 = 0.0
+        self._angle_rad = 0.0
         self._variance = 0.0
         self._measured = 0
 
     def align(
-        self, grey: GreyArray, homography: FloatArray, *, travel_px: tuple[float, float] | None = None
+        self,
+        grey: GreyArray,
+        homography: FloatArray,
+        *,
+        travel_px: tuple[float, float] | None = None,
+        time_s: float = 0.0,
+        predicted: bool = False,
     ) -> Sighting | None:
         """Return the tag as it is seen near a predicted pose.
 
@@ -82,6 +89,10 @@ class Aligner:
             Predicted; takes the tag's frame to pixels. Off by not more than about 5 px and half a cell.
         travel_px : tuple of float, optional
             How far the tag moves, right and down, from frame to frame; the share of it that blurs the image is learned.
+        time_s : float
+            When the image was taken; needed where a coder made some of the images from others.
+        predicted : bool
+            Whether it made this one so.
 
         Returns
         -------
@@ -103,7 +114,9 @@ class Aligner:
             refined = refine(grey, refined.homography, self._template, motion_px=motion, with_blocks=True)
         if refined is None:
             return None
-        return self._report(refined, homography if travel_px is not None else None)
+        if travel_px is None:
+            self._coder.interrupt()
+        return self._report(refined, time_s, predicted=predicted)
 
     def _approach(
         self, grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]
@@ -123,7 +136,7 @@ class Aligner:
         """Tell whether a step was so short that another one would change less than the error."""
         tilt = math.hypot(refined.homography[2, 0], refined.homography[2, 1])
         usual = min(1.0, self._variance / refined.variance) if self._measured else 1.0  # far off all of it is larger
-        sigma_px = math.sqrt(max(usual * refined.plain[0], self._shifts_px2))
+        sigma_px = math.sqrt(max(usual * refined.plain[0], self._pull_px2))
         return refined.step_px * max(1.0, _TILTED * tilt) < min(_LAST_STEP * math.sqrt(sigma_px), _LONGEST_LAST_PX)
 
     def _is_pattern(self, grey: GreyArray, refined: Refinement) -> bool:
@@ -201,37 +214,26 @@ class Aligner:
         between = _find_lowest(residual(max(best - 1, 0)), residual(best), residual(min(best + 1, last)))
         return float(_BLURS_PX[best] * (_BLURS_PX[1] / _BLURS_PX[0]) ** between)
 
-    def _report(self, refined: Refinement, predicted: FloatArray | None) -> Sighting:
+    def _report(self, refined: Refinement, time_s: float, *, predicted: bool) -> Sighting:
         h = refined.homography
-        variances, cross = self._steady(refined)
-        if predicted is None:
-            self._scatter.interrupt()
-        else:
-            depth = float(predicted[2, 2])
-            right, down = float(h[0, 2] - predicted[0, 2] / depth), float(h[1, 2] - predicted[1, 2] / depth)
-            turn = math.remainder(_measure_angle(h) - _measure_angle(predicted), 2 * math.pi)
-            self._scatter.add((right, down, turn), variances)
-        (xx, yy, turned), factor = self._inflate(variances)
+        white = np.array(refined.plain[:3])
+        blocks = white * self._steady(refined)
+        place = np.array([h[0, 2], h[1, 2], self._unwrap(_measure_angle(h))])
+        pull = self._coder.measure(time_s, place, white=white, blocks=blocks, predicted=predicted)
+        self._pull_px2 = float(pull[:2].min())
+        (xx, yy, turned), image = (blocks + pull).tolist(), float(blocks[0] + blocks[1])
+        cross = refined.plain[3] * math.sqrt(xx * yy / (white[0] * white[1]))
         return Sighting(
             homography=h,
-            covariance_px2=np.array([[xx, cross * factor], [cross * factor, yy]]),
+            covariance_px2=np.array([[xx, cross], [cross, yy]]),
             angle_std_rad=math.sqrt(turned),
             correlation=refined.correlation,
+            image_share=image / (xx + yy),
         )
 
-    def _inflate(self, variances: list[float]) -> tuple[list[float], float]:
-        """Return the variances, no smaller than the scatter in time where the image looks compressed; and x y's factor.
-
-        A codec shifts blocks, all those of a tag together, by parts of a pixel: no residual of one image shows that.
-        """
-        self._shifts_px2 = 0.0
-        if not self._log_ratio[0] + self._log_ratio[1] > 2 * _COMPRESSED_LOG_RATIO:
-            return variances, 1.0
-        scatter = [min(part, most) for part, most in zip(self._scatter.variance, _MOST_SCATTER, strict=True)]
-        self._shifts_px2 = scatter[0]
-        factors = [max(part / stated, 1.0) for part, stated in zip(scatter, variances, strict=True)]
-        inflated = [part * factor for part, factor in zip(variances, factors, strict=True)]
-        return inflated, math.sqrt(factors[0] * factors[1])
+    def _unwrap(self, angle_rad: float) -> float:
+        self._angle_rad += math.remainder(angle_rad - self._angle_rad, 2 * math.pi)
+        return self._angle_rad
 
     def _wants_blocks(self) -> bool:
         return self._measured < _MEMORY or self._measured % _BLOCKS_EVERY == 0
@@ -240,25 +242,21 @@ class Aligner:
         """Tell whether the image differs from the pattern by more than it usually does: its noise is then no one's."""
         return refined.sandwich is None and refined.variance > _ODD_VARIANCE * self._variance
 
-    def _steady(self, refined: Refinement) -> tuple[list[float], float]:
-        """Return variances, and the covariance of x and y: the plain ones, scaled by the running ratio of the former.
+    def _steady(self, refined: Refinement) -> FloatArray:
+        """Return the running ratio of the variances that see correlated noise to the plain ones, shape (3,).
 
-        That is the ratio to those that see correlated noise. One frame's is known to a fifth only; where it jumps
-        (a hand over the tag) it counts at once.
+        One frame's is known to a fifth only; where it jumps (a hand over the tag) it counts at once.
         """
         self._measured += 1
-        weight = 1 / min(self._measured, _MEMORY)
-        self._variance += (refined.variance - self._variance) * weight
-        log_factor = self._log_ratio
-        if refined.sandwich is not None:
-            pairs = zip(refined.sandwich.tolist(), refined.plain[:3], strict=True)
-            ratio = [math.log(max(seen, 1e-30) / plain) for seen, plain in pairs]
-            log_factor = [old + (new - old) * weight for old, new in zip(log_factor, ratio, strict=True)]
-            self._log_ratio = log_factor
-            log_factor = [max(old, new - 1.0) for old, new in zip(log_factor, ratio, strict=True)]
-        factors = [math.exp(part) for part in log_factor]
-        variances = [plain * factor for plain, factor in zip(refined.plain[:3], factors, strict=True)]
-        return variances, refined.plain[3] * math.sqrt(factors[0] * factors[1])
+        self._variance += (refined.variance - self._variance) / min(self._measured, _MEMORY)
+        if refined.sandwich is None:
+            return np.exp(self._log_ratio)
+        self._looks += 1
+        memory = _CODED_MEMORY if self._coder.is_at_work else _MEMORY
+        ratio = np.log(np.maximum(refined.sandwich, 1e-30) / refined.plain[:3])
+        self._log_ratio += (ratio - self._log_ratio) / min(self._looks, memory)
+        shown: FloatArray = np.exp(np.maximum(self._log_ratio, ratio - 1.0))
+        return shown
 
 
 def _measure_angle(homography: FloatArray) -> float:

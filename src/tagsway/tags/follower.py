@@ -94,7 +94,9 @@ class Follower:
             return None
         predicted = predict_pose(self._poses, frame.time_s)
         travel = self._travel(frame.time_s, predicted)
-        sighting = self._aligner.align(frame.grey, predicted, travel_px=travel)
+        sighting = self._aligner.align(
+            frame.grey, predicted, travel_px=travel, time_s=frame.time_s, predicted=frame.predicted
+        )
         if sighting is not None and self._can_be(sighting.homography, frame.time_s, predicted):
             if self._is_still_read(frame, sighting):
                 return self._keep(frame, sighting)
@@ -133,7 +135,7 @@ class Follower:
         for tag in mine:
             start = find_homography(tag.corners_px)
             if self._can_be(start, frame.time_s, predicted):
-                sighting = self._aligner.align(frame.grey, start)
+                sighting = self._aligner.align(frame.grey, start, time_s=frame.time_s, predicted=frame.predicted)
                 if sighting is not None and self._can_be(sighting.homography, frame.time_s, predicted):
                     return True, self._keep(frame, sighting)
         return False, None

@@ -24,6 +24,7 @@ class SightingRecord:
         self._tag_id = tag_id
         self._chunks: list[FloatArray] = []
         self._count = 0
+        self._shares = 0.0
         self.seen = 0
         for _ in range(missed):
             self.append(None)
@@ -42,6 +43,7 @@ class SightingRecord:
         if sighting is None:
             return
         self.seen += 1
+        self._shares += sighting.image_share
         row = self._chunks[-1][place]
         row[0], row[13] = sighting.correlation, sighting.angle_std_rad
         row[1:9] = sighting.homography.reshape(9)[:8]
@@ -67,6 +69,7 @@ class SightingRecord:
             corners_px=corners_of(homography),
             angle_rad=angles_of(homography),
             angle_std_rad=rows[:, 13].copy(),
+            image_share=self._shares / self.seen if self.seen else 1.0,
         )
 
     def _join(self) -> FloatArray:

@@ -204,7 +204,12 @@ def _track_tag(tag: TagSightings, picture: _Picture, scale: Estimate | None, uni
     position, std = picture.place(tag, factor)
     angle, angle_std = picture.direct(tag)
     return TagTrack(
-        position=position, position_std=std, angle_rad=angle, angle_std_rad=angle_std, scale_mm_per_px=scale
+        position=position,
+        position_std=std,
+        angle_rad=angle,
+        angle_std_rad=angle_std,
+        scale_mm_per_px=scale,
+        image_share=tag.image_share,
     )
 
 

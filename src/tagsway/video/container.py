@@ -10,6 +10,7 @@ from typing import Any
 import av
 import cv2
 import numpy as np
+from av.video.frame import PictureType
 
 from tagsway.errors import InputError
 from tagsway.model import GreyArray, IntArray, Notice
@@ -21,6 +22,7 @@ _FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 _BLACK, _WHITE = 16, 235  # of 8-bit luma in limited range
 _SQUARE = 2e-3  # pixels whose sides differ by less count as square
 _NO_STAMP = -(2**63)
+_BY_ITSELF = (PictureType.NONE, PictureType.I)  # how an image is coded that needs no other
 
 
 class ContainerSource:
@@ -31,6 +33,7 @@ class ContainerSource:
         self._interlaced = 0
         self._aspect = 1.0
         self.turns = 0
+        self.predicted = False
 
     def read_stamps(self) -> Stamps:
         """Walk through the packets."""
@@ -65,6 +68,7 @@ class ContainerSource:
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
         grey: Any
+        self.predicted = picture.pict_type not in _BY_ITSELF
         if picture.planes[0].line_size < 0:
             # The last row comes first in memory, as in a bitmap: only a conversion knows where the first one is.
             converted = picture.reformat(format="yuvj444p" if picture.format.name == "gray" else "gray")

@@ -58,6 +58,7 @@ class PhotronSource:
     """The film of a Photron camera; see `Source`. Its images are grey, of 8, 12 (packed) or 16 bits."""
 
     turns = 0
+    predicted = False
 
     def __init__(self, path: Path) -> None:
         self._path, header = find_pair(path)

@@ -249,7 +249,8 @@ class FrameReader(Iterator[Frame]):
         self._changes[place] = self._measure_change(grey)
         self._read += 1
         self._taken = place + 1
-        return Frame(index=place, time_s=float(self._clock.time_s[place]), grey=grey)
+        time_s = float(self._clock.time_s[place])
+        return Frame(index=place, time_s=time_s, grey=grey, predicted=self._source.predicted)
 
     def _measure_change(self, grey: GreyArray) -> float:
         """Return by how much some pixels differ from the image before, on average; infinity for the first."""

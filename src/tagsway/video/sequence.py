@@ -114,6 +114,7 @@ class SequenceSource:
     """The film of a sequence of images; see `Source`."""
 
     turns = 0
+    predicted = False
 
     def __init__(self, sequence: Sequence) -> None:
         self._sequence = sequence

@@ -45,9 +45,12 @@ class Source(Protocol):
     ----------
     turns : int
         Quarter turns, counter-clockwise, from the sensor's image to the upright one; known once an image was read.
+    predicted : bool
+        Whether a coder made the image that was read last from other images.
     """
 
     turns: int
+    predicted: bool
 
     def read_stamps(self) -> Stamps:
         """Return the stamps of all frames."""

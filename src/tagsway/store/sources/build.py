@@ -40,6 +40,7 @@ def make_tag(
     std: FloatArray | None = None,
     angle: FloatArray | None = None,
     angle_std: FloatArray | None = None,
+    image_share: float = 1.0,
 ) -> TagTrack:
     """Return a tag's track; what is not given is not known."""
     unknown = np.full(len(position), np.nan)
@@ -48,6 +49,7 @@ def make_tag(
         position_std=np.full_like(position, np.nan) if std is None else std,
         angle_rad=unknown if angle is None else angle,
         angle_std_rad=unknown if angle_std is None else angle_std,
+        image_share=image_share,
     )
 
 

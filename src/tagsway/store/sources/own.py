@@ -38,6 +38,7 @@ def read_own(grid: Grid, path: Path) -> TrackSource:
             std=_pair(grid, f"{name}_{{}}_std_{ending}") / per_unit,
             angle=_column(grid, f"{name}_angle_rad"),
             angle_std=_column(grid, f"{name}_angle_std_rad"),
+            image_share=_constant(grid, f"{name}_image_share"),
         )
     frame = _column(grid, "frame")
     index = np.arange(len(frame)) if np.isnan(frame).any() else frame.astype(np.int64)
@@ -57,3 +58,10 @@ def _column(grid: Grid, name: str) -> FloatArray:
     if name not in grid.names:
         return np.full(len(grid.values), np.nan)
     return np.asarray(grid.values[:, grid.names.index(name)], dtype=float)
+
+
+def _constant(grid: Grid, name: str) -> float:
+    """Return what a column holds in every row; 1 where there is none."""
+    values = _column(grid, name)
+    known = values[(values > 0) & (values <= 1)]
+    return float(known[0]) if len(known) else 1.0
