@@ -124,6 +124,7 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         value=sway.value,
         spread=sway.spread,
         stated=sway.stated_std,
+        pulled=sway.pulled_std,
         drive=sway.drive,
         drive_std=sway.drive_std,
     )
@@ -172,6 +173,7 @@ def _angle_samples(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Samples | N
         value=sway.angle_rad[seen],
         spread=np.clip(std / typical, 0.3, 30.0),
         stated=min(sway.angle_stated_std, typical),
+        pulled=sway.angle_pulled_std,
         drive=None if sway.drive is None else sway.drive[seen],
         drive_std=sway.drive_std,
     )

@@ -16,6 +16,8 @@ class Samples:
         Times from the window's start, values, and each one's relative standard error.
     stated : float
         Standard error that the images' own noise leaves in the best samples; 0 where the source states none.
+    pulled : float
+        Standard error that a coder left in the samples, as their source states it: no average makes it smaller.
     drive : ndarray, shape (n,), optional
         Position of the point of suspension along the axis of the sway, where it is to be an input.
     drive_std : float
@@ -26,6 +28,7 @@ class Samples:
     value: FloatArray
     spread: FloatArray
     stated: float = 0.0
+    pulled: float = 0.0
     drive: FloatArray | None = None
     drive_std: float = 0.0
 

@@ -7,7 +7,7 @@ from scipy.ndimage import median_filter
 
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import find_image_noise
-from tagsway.model import BoolArray, FloatArray, IntArray, Track, Window
+from tagsway.model import BoolArray, FloatArray, IntArray, TagTrack, Track, Window
 
 MAD_TO_STD = 1.4826
 """A normal distribution's standard deviation over its median absolute deviation."""
@@ -32,6 +32,8 @@ class Sway:
     stated_std : float
         Standard error that the images' own noise leaves in the record's best samples, as the track states it, in the
         track's length unit; 0 where it states none. What comes on top of it is a codec's.
+    pulled_std : float
+        Standard error that a coder left in the window's samples, as the track states it; it lasts for many of them.
     curvature : float
         Of the path, in 1 / length unit; 0 where it is straight within the errors. The value is then the projection on
         the main axis, else the arc's length.
@@ -49,14 +51,15 @@ class Sway:
         That noise.
     angle_rad, angle_std_rad : ndarray, shape (n,)
         The product's rotation and its standard error; NaN where there is none.
-    angle_stated_std : float
-        Standard error of the record's best angles; 0 where it states none.
+    angle_stated_std, angle_pulled_std : float
+        The two parts of its standard error as for the positions.
     """
 
     time_s: FloatArray
     value: FloatArray
     spread: FloatArray
     stated_std: float
+    pulled_std: float
     curvature: float
     curvature_std: float
     planar: bool
@@ -66,6 +69,7 @@ class Sway:
     angle_rad: FloatArray
     angle_std_rad: FloatArray
     angle_stated_std: float
+    angle_pulled_std: float
     angular: bool = False
 
     def chord(self, way: FloatArray) -> FloatArray:
@@ -121,7 +125,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     The tag runs on an arc. Where both coordinates show one, the signal is the way along the arc: its spectrum has an
     overtone far below that of the projection r sin q, and its amplitude is not compressed at large angles.
     """
-    points, std, image_std = _relative(track)
+    points, std, image_std, pulled_std = _relative(track)
     inside = np.ones(len(track.time_s), dtype=bool)
     if window is not None:
         inside = (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
@@ -142,6 +146,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
             value=time,
             spread=time,
             stated_std=0,
+            pulled_std=0.0,
             curvature=0,
             curvature_std=0,
             planar=planar,
@@ -151,6 +156,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
             angle_rad=time,
             angle_std_rad=time,
             angle_stated_std=0.0,
+            angle_pulled_std=0.0,
         )
     clean = np.column_stack([remove_spikes(c) for c in points.T])
     steady = np.all(clean == points, axis=1)
@@ -171,6 +177,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         value=value,
         spread=_spread(stated),
         stated_std=find_image_noise(np.hypot(*(image_std * direction).T)),
+        pulled_std=_median(np.hypot(*(pulled_std[kept] * direction).T)),
         curvature=curvature,
         curvature_std=curvature_std,
         planar=planar or angular,
@@ -181,6 +188,7 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         angle_rad=track.pcp.angle_rad[kept],
         angle_std_rad=track.pcp.angle_std_rad[kept],
         angle_stated_std=find_image_noise(track.pcp.angle_std_rad, share=track.pcp.image_share),
+        angle_pulled_std=_median(np.sqrt(1 - track.pcp.image_share) * track.pcp.angle_std_rad[kept]),
     )
 
 
@@ -217,14 +225,26 @@ def remove_spikes(value: FloatArray) -> FloatArray:
     return np.where(away > limit, middle, value)
 
 
-def _relative(track: Track) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return positions from the tool, their standard errors, and what the images' noise makes of these."""
-    points, std, share = track.pcp.position, track.pcp.position_std, np.sqrt(track.pcp.image_share)
+def _relative(track: Track) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return positions from the tool, their standard errors, and what images and coder make of these."""
+    points, (std, image, pulled) = track.pcp.position, _errors(track.pcp)
     tool = track.tcp
     if tool is None or np.count_nonzero(np.isfinite(points[:, 0] - tool.position[:, 0])) < 8:
-        return points, std, share * std
-    image_std = np.hypot(share * std, np.sqrt(tool.image_share) * tool.position_std)
-    return points - tool.position, np.hypot(std, tool.position_std), image_std
+        return points, std, image, pulled
+    tool_std, tool_image, tool_pulled = _errors(tool)
+    return points - tool.position, np.hypot(std, tool_std), np.hypot(image, tool_image), np.hypot(pulled, tool_pulled)
+
+
+def _errors(tag: TagTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the standard errors of a tag's positions, the images' part of them, and a coder's."""
+    std, share = tag.position_std, tag.image_share
+    return std, np.sqrt(share) * std, np.sqrt(1 - share) * std
+
+
+def _median(std: FloatArray) -> float:
+    """Return the median standard error; 0 where none is stated."""
+    stated = std[np.isfinite(std)]
+    return float(np.median(stated)) if len(stated) else 0.0
 
 
 def _spread(std: FloatArray) -> FloatArray:

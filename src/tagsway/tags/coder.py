@@ -12,6 +12,7 @@ _PULLED_TOGETHER = np.array([15.0, 15.0, 4.0])  # variance of what all blocks sh
 _SLOW_PX = 0.4  # an image: faster motion is coded anew in every image, with other errors each time
 _FROZEN = 2.0  # as above, of an image that was coded by itself
 _SPEED_MEMORY = 4  # images
+_REST_MEMORY = 40  # images: after so many at rest a coder has corrected what it left
 
 
 class CoderPull:
@@ -28,7 +29,8 @@ class CoderPull:
     the one of white noise, w. The common error is as many times larger as blocks are pulled together, c (v - w): c was
     found on rendered films, and is the same within a third for tags of 35 to 90 px, contrasts of 80 to 160 grey levels,
     noise of 1 to 8, quantisers from 20 to 40, H.264 and HEVC. It cannot exceed the way since the last image that was
-    coded by itself. In fast motion the error is another one every few images, and `Scatter` measures it.
+    coded by itself, and is mended while the tag rests. In fast motion the error is another one every few images, and
+    `Scatter` measures it.
 
     Too small for a coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2). Where
     each image was coded by itself the blocks show all, unless it was taken from a film that was not: then the scatter
@@ -86,4 +88,5 @@ class CoderPull:
         self._last_px = centre_px
         if self._start_px is None or not predicted:
             self._start_px, self._way_px2 = centre_px, 0.0
-        self._way_px2 = max(self._way_px2, math.dist(centre_px, self._start_px) ** 2)
+        self._start_px = self._start_px + (centre_px - self._start_px) / _REST_MEMORY
+        self._way_px2 = max(self._way_px2 * (1 - 2 / _REST_MEMORY), math.dist(centre_px, self._start_px) ** 2)

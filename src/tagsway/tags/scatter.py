@@ -18,6 +18,7 @@ _MEMORY = 16  # differences
 _FEWEST = 4
 _MOST_AT_ONCE = 16.0  # a jerk of the tag is no noise: one square counts as no more than so many
 _AGREE = 0.5  # noise leaves as much in differences of the fifth and sixth order, a motion a quarter at the most
+_MOST_SHARED = 1.8  # times what neighbours show: more is no noise but jerks of the motion
 _COLOUR = 0.85  # the largest of three such estimates is larger than the noise
 
 
@@ -89,6 +90,7 @@ class Scatter:
         noisy = settled[:, -1] & (self._squares[:, -1] > _AGREE * self._squares[:, -2])
         noisy[0] = True
         least[~(noisy & np.isfinite(least))] = 0.0
+        least[1:] = np.minimum(least[1:], _MOST_SHARED * least[0])
         variance: FloatArray = _COLOUR * least.max(axis=0)
         return variance
 
