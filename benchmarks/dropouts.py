@@ -161,14 +161,14 @@ def compare_with_bound(runs: int) -> None:
     for run in range(runs):
         tracks = lose_some(clear, np.asarray(truth.time_s), product.centre_px, side, np.random.default_rng(run))
         modal, start_s = identify_tracks(tracks, clear[0].shape)
-        used = next(tag for tag in tracks.tags if tag.tag_id == 1).seen & (tracks.time_s >= start_s)
+        used = np.all([tag.seen for tag in tracks.tags], axis=0) & (tracks.time_s >= start_s)
         decayed = math.exp(-truth.damping_ratio * 2 * math.pi * truth.natural_frequency_hz * start_s)
         bound = find_bound(
             tracks.time_s[used] - start_s,
             natural_frequency_hz=truth.natural_frequency_hz,
             damping_ratio=truth.damping_ratio,
             amplitude=truth.free_amplitude_m * decayed,
-            noise=noise_m,
+            noise=math.sqrt(2) * noise_m,  # the sway is the difference of two tags' places
         )
         assert modal.natural_frequency_hz is not None
         assert modal.damping_ratio is not None
