@@ -30,6 +30,9 @@ DETUNING_STD = 0.02
 ANGLE_GAIN_STD = 0.005
 """Of the tag's rotation over the arc's: height and width of a picture are not scaled alike."""
 
+LOOSE_GAIN_STD = 0.2
+"""The same where the gripper bends or stretches: without a sway across, nothing forbids it."""
+
 STEP_RAD = 1.5
 """Of the sway's phase: the ellipse turns by less than a tenth of that."""
 
@@ -119,11 +122,18 @@ def find_precession(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Precession
     shown = _Shown.of(sway, time_s, fit)
     few = shown.thinned()
     plain = few.solve(few.begin(), twin=False)
-    gain, lifts, covariance = few.hint(plain)
+    gain, lifts, _ = few.hint(plain)
+    loose = replace(few, gain_std=LOOSE_GAIN_STD)
+    plain = loose.solve(plain, twin=False)
     if gain > WORTH:
         best = min((few.solve(start, twin=True) for start in few.starts(plain, lifts)), key=few.cost)
-        if few.cost(plain) - few.cost(best) > WORTH:
+        other = loose.solve(best, twin=True)
+        # A tag that turns more or less than its arc, on a gripper that gives way, is no sway across.
+        if few.cost(best) - loose.cost(other) > WORTH:
+            best, few = other, loose
+        if loose.cost(plain) - few.cost(best) > WORTH:
             return shown.describe(best, few)
+    _, lifts, covariance = loose.hint(plain)
     return Precession(
         seen=False,
         way=sway.value,
@@ -159,6 +169,7 @@ class _Shown:
     omega: float
     gravity: float
     unit: float
+    gain_std: float = ANGLE_GAIN_STD
 
     @classmethod
     def of(cls, sway: Sway, time_s: FloatArray, fit: DecayFit) -> "_Shown":
@@ -218,15 +229,16 @@ class _Shown:
         states = [state]
         turning = p[COUPLING] * self.omega * (1 / 3 + self.gravity / 24)
         detuned, soft = self.omega * p[DETUNING], self.omega * self.gravity / 16
+        squares = self.square[:, None] / p[RADIUS] ** 2
 
-        def slope(now: FloatArray, square: float) -> FloatArray:
+        def slope(now: FloatArray, square: FloatArray) -> FloatArray:
             a, c = now
             turn = turning * square * (a * c.conj()).imag
             slow = soft * square * (np.abs(a) ** 2 + np.abs(c) ** 2 - 1)
             return np.stack([-1j * slow * a - turn * c, 1j * (detuned - slow) * c + turn * a])
 
         h = self.step_s
-        for low, middle, high in zip(self.square[:-2:2], self.square[1:-1:2], self.square[2::2], strict=True):
+        for low, middle, high in zip(squares[:-2:2], squares[1:-1:2], squares[2::2], strict=True):
             one = slope(state, low)
             two = slope(state + h / 2 * one, middle)
             three = slope(state + h / 2 * two, middle)
@@ -248,7 +260,7 @@ class _Shown:
         turned = self.angle[:, None] - p[TURNED] - self._sign() * p[GAIN] * self._direction(p)
         known = np.stack(
             [
-                (p[GAIN] - 1) / ANGLE_GAIN_STD,
+                (p[GAIN] - 1) / self.gain_std,
                 p[DETUNING] / DETUNING_STD,
                 (p[COUPLING] - 1) / COUPLING_STD,
             ]
