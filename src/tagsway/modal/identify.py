@@ -23,7 +23,7 @@ from tagsway.modal.delta import centre, damping_at, estimate_of, frequency_at
 from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.modal.losses import weigh_losses
 from tagsway.modal.modes import mode_energy
-from tagsway.modal.notices import find_notices
+from tagsway.modal.notices import find_notices, reject_linear
 from tagsway.modal.peaks import Peaks, find_peaks
 from tagsway.modal.plane import fit_plane
 from tagsway.modal.significance import require_oscillation
@@ -127,6 +127,7 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         details=details,
         notices=(
             *find_notices(modal, fit, sway, held=prior is not None and prior.held),
+            *reject_linear(samples, fit),
             *plane.find_notices(),
             *contradictions,
         ),

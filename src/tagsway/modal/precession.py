@@ -36,6 +36,9 @@ LOOSE_GAIN_STD = 0.2
 STEP_RAD = 1.5
 """Of the sway's phase: the ellipse turns by less than a tenth of that."""
 
+TRIES = 6
+"""Steps from each start value; from the best of them, five times as many."""
+
 MOST_SAMPLES = 300
 """That are fitted."""
 
@@ -126,7 +129,8 @@ def find_precession(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Precession
     loose = replace(few, gain_std=LOOSE_GAIN_STD)
     plain = loose.solve(plain, twin=False)
     if gain > WORTH:
-        best = min((few.solve(start, twin=True) for start in few.starts(plain, lifts)), key=few.cost)
+        found = [few.solve(start, twin=True, tries=TRIES) for start in few.starts(plain, lifts)]
+        best = few.solve(min(found, key=few.cost), twin=True)
         other = loose.solve(best, twin=True)
         # A tag that turns more or less than its arc, on a gripper that gives way, is no sway across.
         if few.cost(best) - loose.cost(other) > WORTH:
@@ -272,7 +276,7 @@ class _Shown:
         high, low = self.misfits(p[:, None] + np.diag(steps)), self.misfits(p[:, None] - np.diag(steps))
         return np.asarray((high - low) / 2e-6, dtype=float)
 
-    def solve(self, start: FloatArray, *, twin: bool) -> FloatArray:
+    def solve(self, start: FloatArray, *, twin: bool, tries: int = 5 * TRIES) -> FloatArray:
         """Return the parameters at the least cost; without the twin, C stays where it is."""
         most = np.full(9, np.inf)
         most[[REAL, IMAGINARY]], most[DETUNING], most[COUPLING] = self._largest(), 10 * DETUNING_STD, 2.0
@@ -283,7 +287,8 @@ class _Shown:
             loss="soft_l1",
             f_scale=1.5,
             bounds=(-most, most),
-            max_nfev=30,
+            ftol=1e-6,
+            max_nfev=tries,
         )
         return np.asarray(found.x, dtype=float)
 
