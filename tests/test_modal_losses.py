@@ -119,7 +119,9 @@ def test_a_vibration_that_grows_keeps_its_own_interval() -> None:
     hidden, plain = weigh(0.0, 0)
     parameters = plain.parameters.copy()
     parameters[ALPHA] = -100 * np.sqrt(plain.covariance[ALPHA, ALPHA])
-    growing = replace(hidden, sets=[*hidden.sets, 0.0, parameters[ALPHA] - plain.parameters[ALPHA] - 1.0, 0.0])
+    sets = hidden.sets.copy()
+    sets[:, 1] = parameters[ALPHA] - 1.0
+    growing = replace(hidden, sets=sets)
     assert growing.decide(replace(plain, parameters=parameters)).rate_ci95 is None
 
 
