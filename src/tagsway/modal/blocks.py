@@ -72,6 +72,7 @@ def average_blocks(samples: Samples, fit: DecayFit | None, *, omega: float) -> S
         spread=spread / typical,
         stated=samples.stated * typical,
         drive=drive,
+        common=None if samples.common is None else np.column_stack([mean(one) for one in samples.common.T]),
     )
 
 

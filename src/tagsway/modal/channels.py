@@ -78,29 +78,29 @@ def join_channel(
 def _add(samples: Samples, fit: DecayFit, second: DecayFit, prior: Softening | None) -> DecayFit:
     shared = fit.terms.shared
     block = np.ix_(shared, shared)
-    drag = second.dragged[shared]
+    moved = second.common[shared]
     known, mean = np.zeros((len(shared), len(shared))), np.zeros(len(shared))
     if prior is not None and prior.std > 0 and SOFTENING in shared:
         k = shared.index(SOFTENING)
         known[k, k], mean[k] = prior.std**-2, prior.mean
-    own = fit.covariance - fit.dragged @ fit.dragged.T
-    news = _information(second.covariance[block] - drag @ drag.T, known)
+    own = fit.covariance - fit.common @ fit.common.T
+    news = _information(second.covariance[block] - moved @ moved.T, known)
     values = second.parameters[shared]
     gain = _gain(own, news, shared)
     p = fit.parameters + gain @ (news @ (values - fit.parameters[shared]) + known @ (values - mean))
     keep = np.eye(len(p))
     keep[:, shared] -= gain @ news
     joint = keep @ own
-    # What a codec drags, it drags in both.
-    dragged = keep @ fit.dragged + gain @ news @ drag
+    # What a codec drags, or a sway across adds, it does in both.
+    common = keep @ fit.common + gain @ news @ moved
     of_bound = _information(second.bound[block], known)
     bound = fit.bound - _gain(fit.bound, of_bound, shared) @ of_bound @ fit.bound[shared]
     return replace(
         fit,
         parameters=p,
         residual=samples.value - predict(samples.time_s, p, fit.terms, samples.drive)[0],
-        covariance=0.5 * (joint + joint.T) + dragged @ dragged.T,
-        dragged=dragged,
+        covariance=0.5 * (joint + joint.T) + common @ common.T,
+        common=common,
         bound=0.5 * (bound + bound.T),
     )
 

@@ -1,5 +1,7 @@
 """From a fit's parameters to what is reported, errors and all."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import t as student_t
 
@@ -32,6 +34,9 @@ def small_swing_damping(fit: DecayFit, time_s: FloatArray, *, held: bool) -> Est
     """
     value, jacobian = to_modal(fit.parameters)
     viscous = estimate_of(fit, float(value[1]), jacobian[1])
+    if fit.rate_ci95 is not None:
+        low, high = (rate / float(np.hypot(fit.parameters[OMEGA], rate)) for rate in fit.rate_ci95)
+        viscous = replace(viscous, ci95=(min(low, viscous.value), max(high, viscous.value)))
     if held or not sees(fit, DRAG):
         return viscous
     relative = float(np.mean(envelope(time_s, *fit.parameters[[ALPHA, DRAG, FRICTION]])[0]))

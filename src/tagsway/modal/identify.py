@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tagsway.errors import NotIdentifiableError
 from tagsway.modal.backbone import draw_backbone, fit_pieces, mean_amplitude
 from tagsway.modal.blocks import average_blocks, first_omega
 from tagsway.modal.bound import to_modal
@@ -12,27 +11,22 @@ from tagsway.modal.channels import join_channel
 from tagsway.modal.comparison import compare_estimators, describe_estimators, draw_spectrum
 from tagsway.modal.decay import (
     ALPHA,
-    ARC,
     COSINE,
     DRAG,
     FRICTION,
     OMEGA,
-    PLACES,
-    PROJECTION,
     SINE,
-    SOFTENING,
-    Terms,
     predict,
 )
 from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.delta import centre, damping_at, estimate_of, frequency_at
-from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay
+from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.modal.losses import weigh_losses
-from tagsway.modal.modes import choose_modes, mode_energy
-from tagsway.modal.notices import find_notices
+from tagsway.modal.modes import mode_energy
+from tagsway.modal.notices import find_notices, reject_linear
 from tagsway.modal.peaks import Peaks, find_peaks
+from tagsway.modal.plane import fit_plane
 from tagsway.modal.significance import require_oscillation
-from tagsway.modal.start import find_start
 from tagsway.modal.sway import MAD_TO_STD, Sway, check_window, measure_sway
 from tagsway.model import (
     GRAVITY_M_S2,
@@ -50,15 +44,6 @@ from tagsway.model import (
     Track,
     Window,
 )
-
-SHARE_STD = 0.2
-"""Of gravity's share of ω_n², which the arc's radius gives for a point mass only: a real body's is smaller."""
-
-CONTRADICTED = 5.0
-"""Of the prior's standard errors, between the softening that a decay shows and the one that its arc implies."""
-
-GRAVITY_SHARE = (0.9, 0.2)
-"""Share of gravity in ω_n², and its standard deviation, where a track without a scale cannot tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,23 +102,14 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     Do not use it for a forced or a growing vibration. Where the tool still moves, its measured motion is an input.
     """
     check_window(window, track.time_s)
-    sway = measure_sway(track, window, sway_axis=sway_axis)
-    begin = sway.time_s - window.start_s
-    every = Samples(
-        time_s=begin,
-        value=sway.value,
-        spread=sway.spread,
-        stated=sway.stated_std,
-        pulled=sway.pulled_std,
-        drive=sway.drive,
-        drive_std=sway.drive_std,
-    )
-    samples, fit, prior = fit_sway(sway, every, in_metres=track.length_unit == "m")
+    measured = measure_sway(track, window, sway_axis=sway_axis)
+    begin = measured.time_s - window.start_s
+    plane = fit_plane(measured, begin, in_metres=track.length_unit == "m")
+    sway, every, samples, fit, prior = plane.sway, plane.every, plane.samples, plane.fit, plane.prior
     hidden = weigh_losses(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
     fit, contradictions = join_channel(samples, fit, _angle_samples(sway, begin, fit), prior=prior)
-    if hidden is not None:
-        fit = hidden.fit if hidden.sure else hidden.widen(fit)
+    fit = fit if hidden is None else hidden.decide(fit)
     period = float(2 * np.pi / fit.parameters[OMEGA])
     peaks = find_peaks(samples.time_s, centre(samples, fit), period)
     on_curve = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, period)
@@ -149,7 +125,12 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
         spectrum=draw_spectrum(samples, fit),
         pieces=pieces if track.length_unit == "m" else (),
         details=details,
-        notices=(*find_notices(modal, fit, sway, held=prior is not None and prior.held), *contradictions),
+        notices=(
+            *find_notices(modal, fit, sway, held=prior is not None and prior.held),
+            *reject_linear(samples, fit),
+            *plane.find_notices(),
+            *contradictions,
+        ),
     )
 
 
@@ -176,99 +157,9 @@ def _angle_samples(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Samples | N
         pulled=sway.angle_pulled_std,
         drive=None if sway.drive is None else sway.drive[seen],
         drive_std=sway.drive_std,
+        common=None if sway.common is None else sway.curvature * sway.common[seen],
     )
     return average_blocks(angle, None, omega=first_omega(fit))
-
-
-def fit_sway(sway: Sway, samples: Samples, *, in_metres: bool) -> tuple[Samples, DecayFit, Softening | None]:
-    """Fit a decay to a sway, with the softening that its arc implies.
-
-    Parameters
-    ----------
-    sway : Sway
-        For its curvature.
-    samples : Samples
-        The same, from the window's start.
-    in_metres : bool
-        Whether gravity can be compared with the arc's radius.
-
-    Returns
-    -------
-    Samples
-        Those that were fitted: averages where there are many in a period.
-    DecayFit
-        Of them, the largest mode first.
-    Softening or None
-        What the arc told before.
-
-    Raises
-    ------
-    NotIdentifiableError
-        Where there is nothing to fit.
-
-    Notes
-    -----
-    Over a decay that hardly decays, the frequency at the amplitude seen and the softening cannot be told apart by the
-    samples. The arc gives the amplitude as an angle, and so the softening: κ q0² / 16, with κ = g / (r ω_n²), at
-    most 1, for the share of gravity in ω_n² were the body a point mass. A real body's is g / (l ω_n²): so it enters as
-    a prior of ±0.2. A straight path has no softening.
-    """
-    start = find_start(samples)
-    if start is None:
-        raise NotIdentifiableError("nothing swings: too few samples of the product, or it does not move")
-    p, scale = start
-    thin = average_blocks(samples, None, omega=float(p[OMEGA]))
-    fit, prior = _fit_first(sway, thin, p, scale, in_metres=in_metres)
-    if thin is not samples:
-        thin = average_blocks(samples, fit, omega=float(fit.parameters[OMEGA]))
-        fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
-    first = fit
-    fit = choose_modes(thin, fit, prior=prior, straight=sway.planar and prior is None)
-    if prior is not None and abs(fit.parameters[SOFTENING] - prior.mean) > CONTRADICTED * prior.std:
-        # A softening that is not the arc's is no pendulum's: nothing is extrapolated with it.
-        prior = Softening(mean=prior.mean, std=1e-3 * prior.mean, held=True)
-        p = first.parameters.copy()
-        p[SOFTENING] = prior.mean
-        fit = choose_modes(thin, fit_decay(thin, p, first.terms, scale=first.scale, prior=prior), prior=prior)
-    if not sway.planar and fit.terms.softening:
-        # One coordinate may be a projection or, from an encoder, the angle itself: their overtones differ.
-        arc = fit_decay(thin, fit.parameters[:PLACES], Terms(shape=ARC, softening=True), scale=fit.scale)
-        fit = min(fit, choose_modes(thin, arc), key=_deviation)
-    if thin is not samples:
-        thin = average_blocks(samples, fit, omega=first_omega(fit))
-        fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
-    return thin, fit, prior
-
-
-def _deviation(fit: DecayFit) -> float:
-    return fit.scale
-
-
-def _fit_first(
-    sway: Sway, samples: Samples, p: FloatArray, scale: float, *, in_metres: bool
-) -> tuple[DecayFit, Softening | None]:
-    """Return a single mode, with the softening of its arc and what is known of that."""
-    shape = ARC if sway.planar else PROJECTION
-    fit = fit_decay(samples, p, Terms(shape=shape, curvature=sway.curvature), scale=scale)
-    if not (sway.planar and sway.curvature > 0):
-        return fit, None
-    for _ in range(2):
-        prior = _softening_of_arc(sway, fit, in_metres=in_metres)
-        first = fit.parameters.copy()
-        first[SOFTENING] = first[SOFTENING] or prior.mean
-        fit = fit_decay(samples, first, replace(fit.terms, softening=True), scale=fit.scale, prior=prior)
-    return fit, prior
-
-
-def _softening_of_arc(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softening:
-    angle = sway.curvature * float(np.hypot(fit.parameters[COSINE], fit.parameters[SINE]))
-    share, spread = GRAVITY_SHARE
-    if in_metres:
-        share = min(1.0, GRAVITY_M_S2 * sway.curvature / float(fit.parameters[OMEGA]) ** 2)
-        spread = SHARE_STD
-    arc = 2 * sway.curvature_std / sway.curvature
-    mean = share * angle**2 / 16
-    return Softening(mean=mean, std=mean * float(np.hypot(spread / share, arc)))
 
 
 def _estimate(

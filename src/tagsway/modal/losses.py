@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
+from scipy.stats import t as student_t
 
 from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING, predict
 from tagsway.modal.samples import DecayFit, Samples, Softening
@@ -19,14 +19,14 @@ DRAG_STD_PER_RAD = 0.05
 DEAD_BAND_STD_RAD = 0.002
 """Dry friction over the stiffness: a payload comes to rest within a tenth of a degree of where it hangs."""
 
-DRAG_KINDS: tuple[tuple[float, float], ...] = ((1.0, 1.0),)
-"""Width of a prior, over the one above, and its odds: air is everywhere."""
+ODDS = {DRAG: 1.0, FRICTION: 1 / 3}
+"""Beforehand, that a loss is there rather than not: drag may well be, and of four payloads in a gripper one rubs."""
 
-FRICTION_KINDS: tuple[tuple[float, float], ...] = ((1.0, 0.05), (0.1, 0.1))
-"""The same: a payload on a sucker or a rope seldom has what truly rubs; a tenth of that is twice as likely."""
+OUTER = (0.025, 0.975)
+"""Of what is likely, below the ends of an interval."""
 
-COVERED = 0.95
-"""Of what is likely, in an interval."""
+RAREST = 1e-3
+"""Chance below which a vibration does not fall."""
 
 SURELY = 0.95
 """Weight of the decays with further losses from which on their values are taken."""
@@ -58,27 +58,35 @@ class HiddenLosses:
         """Whether its values are to be taken."""
         return self.weight > SURELY
 
-    def widen(self, plain: DecayFit) -> DecayFit:
-        """Return a decay without further losses whose errors reach to the ones with them.
+    def decide(self, plain: DecayFit) -> DecayFit:
+        """Return the decay with further losses where they are sure, else the one without; with the errors of all.
 
-        So far that 95 % of all decays' α, each by its weight, lie as near to its own.
+        Below and above the interval of α lie 2.5 % each of all decays that do not grow, by their weights: what is lost
+        to drag or friction is not lost to the viscous part, so that it reaches further down than up. The errors are as
+        large as a normal distribution's with an interval so wide. A vibration that grows is no payload's: it stays.
         """
+        own = float(np.sqrt(plain.covariance[ALPHA, ALPHA]))
+        weight, rate, std = np.vstack([[1 - self.weight, plain.parameters[ALPHA], own], self.sets]).T
+        # How well the noise is known, as for every other interval.
+        std = np.maximum(std * float(student_t.ppf(OUTER[1], plain.error_freedom)) / NORMAL_95, 1e-12 * abs(rate[0]))
+        growing = ndtr(-rate / std)
+        falling = float(weight @ (1 - growing))
+        if not falling > RAREST:
+            return plain
+
+        def find_end(share: float) -> float:
+            most = float(np.max(rate + 10 * std))
+            return float(brentq(lambda at: weight @ (ndtr((at - rate) / std) - growing) - share * falling, 0.0, most))
+
+        interval = find_end(OUTER[0]), find_end(OUTER[1])
+        if self.sure:
+            return replace(self.fit, rate_ci95=interval)
         change = self.fit.parameters - plain.parameters
         every = self.fit.covariance + np.outer(change, change)
-        own = float(np.sqrt(plain.covariance[ALPHA, ALPHA]))
-        weight, away, std = np.vstack([[1 - self.weight, 0.0, own], self.sets - [0.0, plain.parameters[ALPHA], 0.0]]).T
-
-        std = np.maximum(std, 1e-12 * abs(plain.parameters[OMEGA]))
-
-        def outside(reach: float) -> float:
-            tails = ndtr((away - reach) / std) + ndtr((-away - reach) / std)
-            return float(weight @ tails) - (1 - COVERED)
-
-        farthest = 10 * float(np.max(std + np.abs(away)))
-        wanted = float(brentq(outside, 0.0, farthest)) / NORMAL_95
         more = float(every[ALPHA, ALPHA]) - own**2
+        wanted = (interval[1] - interval[0]) / 2 / NORMAL_95
         share = float(np.clip((wanted**2 - own**2) / more, 0.0, 1.0)) if more > 0 else 0.0
-        return replace(plain, covariance=(1 - share) * plain.covariance + share * every)
+        return replace(plain, covariance=(1 - share) * plain.covariance + share * every, rate_ci95=interval)
 
 
 def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> HiddenLosses | None:
@@ -106,7 +114,7 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
     friction whose parts of the damping fall and rise with the amplitude. Fitted without them, ζ for a small swing
     is off by many times its error; fitted with them, ζ is needlessly unsure of a payload that has none. So each set of
     losses V that are not fitted, the empty one too, is held to be as likely beforehand (friction by its odds),
-    each loss half-normal of width s, friction of one of two, and weighed by what the data say [1]_: with û and its
+    each loss half-normal of width s, and weighed by what the data say [1]_: with û and its
     precision P where all are free,
 
         Z_V / Z_0 = |1 + S P_VV|^-1/2 exp(½ bᵀ (P_VV + S⁻¹)⁻¹ b) ∏ 2 Φ(m_i / σ_i),      b = P_V û
@@ -134,8 +142,8 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
     }
     std = np.array([width[place] for place in absent])
-    kinds = [FRICTION_KINDS if place == FRICTION else DRAG_KINDS for place in absent]
-    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std), kinds)
+    odds = [ODDS[place] for place in absent]
+    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std), odds)
     weight = float(np.sum(weights))
     mean = weights @ means / weight
     away = means - mean
@@ -183,7 +191,7 @@ def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softeni
 
 
 def _weigh_sets(
-    value: FloatArray, covariance: FloatArray, kinds: Sequence[tuple[tuple[float, float], ...]]
+    value: FloatArray, covariance: FloatArray, odds: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return weight, mean and covariance of each set of losses but the empty one, whose weight is the rest.
 
@@ -193,24 +201,20 @@ def _weigh_sets(
         Of the losses, where all are free, over the widths of their priors.
     covariance : ndarray, shape (k, k)
         Of these.
-    kinds : k tuples
-        Of each loss, the priors that it may have: width, and odds beforehand. A set takes one of each of its losses.
+    odds : sequence of float
+        Of each loss, beforehand.
     """
     precision = np.linalg.pinv(covariance, hermitian=True)
     pull, size = precision @ value, len(value)
     log_odds, means, spreads = [], [], []
-    for picked in product(*[(None, *of_loss) for of_loss in kinds]):
-        chosen = [k for k, kind in enumerate(picked) if kind is not None]
-        if not chosen:
-            continue
-        width, odds = np.array([kind for kind in picked if kind is not None]).T
+    for chosen in ([0],) if size == 1 else ([0], [1], [0, 1]):
         block = np.ix_(chosen, chosen)
-        left = np.linalg.inv(precision[block] + np.diag(width**-2.0))
+        left = np.linalg.inv(precision[block] + np.eye(len(chosen)))
         mean, spread = np.zeros(size), np.zeros((size, size))
         mean[chosen], spread[block] = left @ pull[chosen], left
         fits = 0.5 * float(pull[chosen] @ mean[chosen] + np.linalg.slogdet(left)[1])
         mean, spread, signs = _hold_positive(mean, spread, chosen)
-        log_odds.append(min(fits + signs + float(np.sum(np.log(odds / width))), MOST_EVIDENCE))
+        log_odds.append(min(fits + signs + float(np.sum(np.log(np.take(odds, chosen)))), MOST_EVIDENCE))
         means.append(mean)
         spreads.append(spread)
     posterior = np.exp(log_odds)

@@ -117,6 +117,7 @@ def _every_kth(samples: Samples) -> Samples:
         value=samples.value[::k],
         spread=samples.spread[::k],
         drive=drive,
+        common=None,
     )
 
 

@@ -1,12 +1,14 @@
 """What is odd or weak about a free decay, in plain words."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tagsway.modal.bound import pole_places, to_modal
-from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE
+from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING
 from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.delta import damping_at, sees
-from tagsway.modal.least_squares import DecayFit
+from tagsway.modal.least_squares import DecayFit, Samples, fit_decay
 from tagsway.modal.sway import Sway
 from tagsway.model import ModalEstimate, Notice
 
@@ -21,6 +23,9 @@ CYCLES_PER_MODE = 3.0
 
 COLOURED = 4.0
 """Power density at the sway's frequency over that of white noise from which it is told: a codec's noise has twice."""
+
+REJECTED = 1.5
+"""Residual of a linear decay over that of the fit with drag or friction from which it is told: chance makes 1.1."""
 
 MISFIT = 0.005
 """Part of the amplitude that a fit may leave, coloured, before it is called wrong."""
@@ -57,7 +62,8 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
         found.append(
             Notice(
                 code="damping_uncertain",
-                message=f"the record is too short or too noisy for the damping ratio: {low:.2g} to {high:.2g} (95 %)",
+                message=f"the damping ratio is {low:.2g} to {high:.2g} (95 %): the record is too short or noisy for "
+                "it, or does not tell it from drag and dry friction",
             )
         )
     modes = 1 + fit.terms.further
@@ -126,6 +132,40 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
             )
         )
     return tuple(found)
+
+
+def reject_linear(samples: Samples, fit: DecayFit) -> tuple[Notice, ...]:
+    """Say what a linear decay leaves, where drag or friction stands out: that is why it is not the one.
+
+    Parameters
+    ----------
+    samples : Samples
+        What was fitted.
+    fit : DecayFit
+        With all its terms.
+
+    Returns
+    -------
+    tuple of Notice
+        Empty where nothing but viscous damping is seen, or a linear decay leaves as little.
+    """
+    if not (sees(fit, DRAG) or sees(fit, FRICTION)):
+        return ()
+    terms = replace(fit.terms, softening=False, drag=False, friction=False)
+    start = fit.parameters.copy()
+    start[[DRAG, FRICTION, SOFTENING]] = 0.0
+    start[ALPHA] += float(np.sum(fit.parameters[[DRAG, FRICTION]]))
+    linear = fit_decay(samples, start, terms, scale=fit.scale)
+    if not linear.scale > REJECTED * fit.scale:
+        return ()
+    size = float(np.hypot(*linear.parameters[[COSINE, SINE]]))
+    (frequency, ratio), _ = to_modal(linear.parameters)
+    message = (
+        f"a linear decay is rejected by its residual: it leaves {100 * linear.scale / size:.2g} % of the swing, "
+        f"{linear.scale / fit.scale:.1f} times as much as the fit that is used, and would give {frequency:.4g} Hz and "
+        f"a damping ratio of {ratio:.2g}"
+    )
+    return (Notice(code="linear_decay_rejected", message=message),)
 
 
 def _last(fit: DecayFit, modal: ModalEstimate) -> float:

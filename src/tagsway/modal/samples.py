@@ -22,6 +22,8 @@ class Samples:
         Position of the point of suspension along the axis of the sway, where it is to be an input.
     drive_std : float
         Standard error of each of its samples.
+    common : ndarray, shape (n, k), optional
+        What one standard error of each thing that errs for all samples together does to their values.
     """
 
     time_s: FloatArray
@@ -31,6 +33,7 @@ class Samples:
     pulled: float = 0.0
     drive: FloatArray | None = None
     drive_std: float = 0.0
+    common: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +61,8 @@ class DecayFit:
         Standard deviation of the median sample's noise, spikes left aside.
     covariance : ndarray, shape (10 + 4 k, 10 + 4 k)
         With the residual's colour paid for; zero where nothing was fitted.
-    dragged : ndarray, shape (10 + 4 k, 2)
-        Of which what a codec may have dragged: its square is a part of the covariance.
+    common : ndarray, shape (10 + 4 k, m)
+        Of which what errs for all samples together, a codec's drag first: its square is a part of the covariance.
     bound : ndarray, shape (10 + 4 k, 10 + 4 k)
         Cramér-Rao bound for white noise of this scale.
     inflation : float
@@ -70,6 +73,8 @@ class DecayFit:
         Degrees of freedom of the noise at ω_d, as far as it is known: Student's, for the intervals.
     deviance : float
         Robust -2 ln likelihood but for a constant, at `scale` of the first model.
+    rate_ci95 : tuple of float, optional
+        95 % interval of α, where it is not a normal distribution's.
     """
 
     parameters: FloatArray
@@ -77,9 +82,10 @@ class DecayFit:
     residual: FloatArray
     scale: float
     covariance: FloatArray
-    dragged: FloatArray
+    common: FloatArray
     bound: FloatArray
     inflation: float
     freedom: float
     error_freedom: float
     deviance: float
+    rate_ci95: tuple[float, float] | None = None

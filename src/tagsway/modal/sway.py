@@ -41,10 +41,14 @@ class Sway:
         Its standard error.
     planar : bool
         Whether both coordinates were seen, so that a curved path would have shown; an angle shows its path, too.
+    common : ndarray, shape (n, k), or None
+        What one standard error of each thing that errs for all samples together does to the value.
     angular : bool
         Whether the value is an angle in rad: the path's curvature is 1, and nothing is projected.
     axis_rad : float
         Main axis, from x towards z.
+    along, across : ndarray, shape (n,)
+        Where the product is along that axis and across it, from the middle of all, in the track's length unit.
     drive : ndarray, shape (n,), or None
         The tool's own position along the main axis, where it moves by more than its noise.
     drive_std : float
@@ -64,12 +68,15 @@ class Sway:
     curvature_std: float
     planar: bool
     axis_rad: float
+    along: FloatArray
+    across: FloatArray
     drive: FloatArray | None
     drive_std: float
     angle_rad: FloatArray
     angle_std_rad: FloatArray
     angle_stated_std: float
     angle_pulled_std: float
+    common: FloatArray | None = None
     angular: bool = False
 
     def chord(self, way: FloatArray) -> FloatArray:
@@ -151,6 +158,8 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
             curvature_std=0,
             planar=planar,
             axis_rad=0,
+            along=time,
+            across=time,
             drive=None,
             drive_std=0.0,
             angle_rad=time,
@@ -183,6 +192,8 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         planar=planar or angular,
         angular=angular,
         axis_rad=float(axis),
+        along=along,
+        across=across,
         drive=drive,
         drive_std=drive_std,
         angle_rad=track.pcp.angle_rad[kept],

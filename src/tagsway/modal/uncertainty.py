@@ -73,20 +73,22 @@ def judge_fit(
     if samples.drive is not None and terms.driven:
         meat += _meat_of_drive(samples, p, rows / samples.spread[:, None] / scale)
     noise = bread @ meat @ bread
-    pulled = bread @ rows.T @ (_dragged(samples, p, every, scale) / samples.spread[:, None] / scale)
+    dragged = _dragged(samples, p, every, scale)
+    common = dragged if samples.common is None else np.column_stack([dragged, samples.common])
+    pulled = bread @ rows.T @ (common / samples.spread[:, None] / scale)
     turn = float(p[OMEGA]) * _step(samples.time_s, place)
     whole, size = np.ix_(free, free), len(p)
-    covariance, bound, dragged = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, 2))
+    covariance, bound, moved = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, pulled.shape[1]))
     covariance[whole] = (noise + pulled @ pulled.T) / np.outer(unit, unit)
     bound[whole] = np.linalg.pinv(information + known, rcond=1e-14) / np.outer(unit, unit)
-    dragged[free] = pulled / unit[:, None]
+    moved[free] = pulled / unit[:, None]
     return DecayFit(
         parameters=p,
         terms=terms,
         residual=residual,
         scale=scale,
         covariance=covariance,
-        dragged=dragged,
+        common=moved,
         bound=bound,
         inflation=float(colour.density(turn)),
         freedom=max(_independent(colour, len(residual)) - len(free), 1.0),

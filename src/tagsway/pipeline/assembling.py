@@ -45,6 +45,7 @@ HARMLESS = frozenset(
         "angle_record",
         "camera_from_motion",
         "further_mode",
+        "linear_decay_rejected",
         "several_decays",
         "tool_from_log",
         "unit_assumed",
@@ -64,6 +65,7 @@ HARMLESS = frozenset(
         "prior_stated",
         "single_measurement",
         "slow_for_its_radius",
+        "sways_across",
         "two_masses",
     }
 )

@@ -9,6 +9,8 @@ from tagsway.report.style import length_unit
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_DETERMINED = "not determined"
+UNEVEN = 0.1
+"""Part of an interval by which its middle may lie beside the value before the interval itself is told."""
 UNKNOWN_SPREAD = "one video cannot tell how much the frequency varies between picks: film repeats"
 
 
@@ -244,7 +246,7 @@ def _modal_lines(result: Result) -> list[str]:
     interval = f" (95 %: {format_interval(frequency, 'Hz')})"
     lines = [
         _line("natural frequency", format_estimate(frequency, "Hz") + interval),
-        _line("damping ratio", format_estimate(ratio) if ratio is not None else NOT_DETERMINED),
+        _line("damping ratio", NOT_DETERMINED if ratio is None else format_estimate(ratio) + _uneven_interval(ratio)),
     ]
     if modal.operating_frequency_hz is not None:
         designed = " (the shaper is designed for it)" if result.shaper is not None else ""
@@ -259,6 +261,13 @@ def _modal_lines(result: Result) -> list[str]:
         )
         lines.append(_line("free vibration", f"{start:.2f} to {end:.2f} s, {modal.cycles:.1f} cycles{swing}"))
     return lines
+
+
+def _uneven_interval(estimate: Estimate) -> str:
+    """Return the interval in words, where the standard error does not tell it."""
+    low, high = estimate.ci95
+    middle = (low + high) / 2
+    return f" (95 %: {format_interval(estimate)})" if abs(middle - estimate.value) > UNEVEN * (high - low) else ""
 
 
 def _pendulum_lines(pendulum: PendulumEstimate | None) -> list[str]:

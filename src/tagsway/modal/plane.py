@@ -1,0 +1,205 @@
+"""From a sway to its decay in the plane that is filmed."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tagsway.errors import NotIdentifiableError
+from tagsway.modal.blocks import average_blocks, first_omega
+from tagsway.modal.decay import ARC, COSINE, OMEGA, PLACES, PROJECTION, SINE, SOFTENING, Terms
+from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay
+from tagsway.modal.modes import choose_modes
+from tagsway.modal.precession import Precession, find_precession
+from tagsway.modal.start import find_start
+from tagsway.modal.sway import Sway
+from tagsway.model import GRAVITY_M_S2, FloatArray, Notice
+
+SHARE_STD = 0.2
+"""Of gravity's share of ω_n², which the arc's radius gives for a point mass only: a real body's is smaller."""
+
+CONTRADICTED = 5.0
+"""Of the prior's standard errors, between the softening that a decay shows and the one that its arc implies."""
+
+GRAVITY_SHARE = (0.9, 0.2)
+"""Share of gravity in ω_n², and its standard deviation, where a track without a scale cannot tell."""
+
+ROUNDS = 2
+"""Of fits in which what a sway across adds is taken off: a third one changes nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaneFit:
+    """A sway in the plane, and its decay.
+
+    Parameters
+    ----------
+    sway : Sway
+        Without what one across the plane adds.
+    every, samples : Samples
+        All of it, and those that were fitted: averages where there are many in a period.
+    fit : DecayFit
+        Of these.
+    prior : Softening or None
+        What the arc told before.
+    across : Precession or None
+        The sway across; None where the path is straight.
+    """
+
+    sway: Sway
+    every: Samples
+    samples: Samples
+    fit: DecayFit
+    prior: Softening | None
+    across: Precession | None
+
+    def find_notices(self) -> tuple[Notice, ...]:
+        """Return what is to be said of a sway across the plane."""
+        if self.across is None or not self.across.seen:
+            return ()
+        size, std = np.degrees([self.across.across_rad, self.across.across_std_rad])
+        message = (
+            f"the payload sways across the filmed plane, too: by {size:.2g} ± {std:.1g} degrees; its ellipse turns, "
+            "which would pass for damping and frequency, and was taken off the sway before the fit"
+        )
+        return (Notice(code="sways_across", message=message),)
+
+
+def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool) -> PlaneFit:
+    """Fit a decay to a sway, without what a sway across the plane adds to it.
+
+    Parameters
+    ----------
+    sway : Sway
+        As it was measured.
+    time_s : ndarray, shape (n,)
+        Of its samples, from the window's start.
+    in_metres : bool
+        Whether gravity can be compared with the arc's radius.
+
+    Returns
+    -------
+    PlaneFit
+
+    Raises
+    ------
+    NotIdentifiableError
+        Where there is nothing to fit.
+    """
+    measured, across, every = sway, None, _samples_of(sway, time_s)
+    samples, fit, prior = fit_sway(sway, every, in_metres=in_metres)
+    for _ in range(ROUNDS):
+        found = find_precession(measured, time_s, fit)
+        if found is None or (across is not None and not found.seen):
+            break
+        across, sway = found, found.clear(measured)
+        every = _samples_of(sway, time_s)
+        if not found.seen:
+            samples = average_blocks(every, fit, omega=first_omega(fit))
+            fit = fit_decay(samples, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
+            break
+        samples, fit, prior = fit_sway(sway, every, in_metres=in_metres)
+    return PlaneFit(sway=sway, every=every, samples=samples, fit=fit, prior=prior, across=across)
+
+
+def _samples_of(sway: Sway, time_s: FloatArray) -> Samples:
+    return Samples(
+        time_s=time_s,
+        value=sway.value,
+        spread=sway.spread,
+        stated=sway.stated_std,
+        pulled=sway.pulled_std,
+        drive=sway.drive,
+        drive_std=sway.drive_std,
+        common=sway.common,
+    )
+
+
+def fit_sway(sway: Sway, samples: Samples, *, in_metres: bool) -> tuple[Samples, DecayFit, Softening | None]:
+    """Fit a decay to a sway, with the softening that its arc implies.
+
+    Parameters
+    ----------
+    sway : Sway
+        For its curvature.
+    samples : Samples
+        The same, from the window's start.
+    in_metres : bool
+        Whether gravity can be compared with the arc's radius.
+
+    Returns
+    -------
+    Samples
+        Those that were fitted: averages where there are many in a period.
+    DecayFit
+        Of them, the largest mode first.
+    Softening or None
+        What the arc told before.
+
+    Raises
+    ------
+    NotIdentifiableError
+        Where there is nothing to fit.
+
+    Notes
+    -----
+    Over a decay that hardly decays, the frequency at the amplitude seen and the softening cannot be told apart by the
+    samples. The arc gives the amplitude as an angle, and so the softening: κ q0² / 16, with κ = g / (r ω_n²), at
+    most 1, for the share of gravity in ω_n² were the body a point mass. A real body's is g / (l ω_n²): so it enters as
+    a prior of ±0.2. A straight path has no softening.
+    """
+    start = find_start(samples)
+    if start is None:
+        raise NotIdentifiableError("nothing swings: too few samples of the product, or it does not move")
+    p, scale = start
+    thin = average_blocks(samples, None, omega=float(p[OMEGA]))
+    fit, prior = _fit_first(sway, thin, p, scale, in_metres=in_metres)
+    if thin is not samples:
+        thin = average_blocks(samples, fit, omega=float(fit.parameters[OMEGA]))
+        fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
+    first = fit
+    fit = choose_modes(thin, fit, prior=prior, straight=sway.planar and prior is None)
+    if prior is not None and abs(fit.parameters[SOFTENING] - prior.mean) > CONTRADICTED * prior.std:
+        # A softening that is not the arc's is no pendulum's: nothing is extrapolated with it.
+        prior = Softening(mean=prior.mean, std=1e-3 * prior.mean, held=True)
+        p = first.parameters.copy()
+        p[SOFTENING] = prior.mean
+        fit = choose_modes(thin, fit_decay(thin, p, first.terms, scale=first.scale, prior=prior), prior=prior)
+    if not sway.planar and fit.terms.softening:
+        # One coordinate may be a projection or, from an encoder, the angle itself: their overtones differ.
+        arc = fit_decay(thin, fit.parameters[:PLACES], Terms(shape=ARC, softening=True), scale=fit.scale)
+        fit = min(fit, choose_modes(thin, arc), key=_deviation)
+    if thin is not samples:
+        thin = average_blocks(samples, fit, omega=first_omega(fit))
+        fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
+    return thin, fit, prior
+
+
+def _deviation(fit: DecayFit) -> float:
+    return fit.scale
+
+
+def _fit_first(
+    sway: Sway, samples: Samples, p: FloatArray, scale: float, *, in_metres: bool
+) -> tuple[DecayFit, Softening | None]:
+    """Return a single mode, with the softening of its arc and what is known of that."""
+    shape = ARC if sway.planar else PROJECTION
+    fit = fit_decay(samples, p, Terms(shape=shape, curvature=sway.curvature), scale=scale)
+    if not (sway.planar and sway.curvature > 0):
+        return fit, None
+    for _ in range(2):
+        prior = _softening_of_arc(sway, fit, in_metres=in_metres)
+        first = fit.parameters.copy()
+        first[SOFTENING] = first[SOFTENING] or prior.mean
+        fit = fit_decay(samples, first, replace(fit.terms, softening=True), scale=fit.scale, prior=prior)
+    return fit, prior
+
+
+def _softening_of_arc(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softening:
+    angle = sway.curvature * float(np.hypot(fit.parameters[COSINE], fit.parameters[SINE]))
+    share, spread = GRAVITY_SHARE
+    if in_metres:
+        share = min(1.0, GRAVITY_M_S2 * sway.curvature / float(fit.parameters[OMEGA]) ** 2)
+        spread = SHARE_STD
+    arc = 2 * sway.curvature_std / sway.curvature
+    mean = share * angle**2 / 16
+    return Softening(mean=mean, std=mean * float(np.hypot(spread / share, arc)))
