@@ -62,7 +62,7 @@ class Aligner:
         self._blurred_by_px = math.inf
         self._shutter = 0.0
         self._lessons = 0
-        self._log_ratio = np.zeros(3)
+        self._log_ratio = [0.0, 0.0, 0.0]
         self._looks = 0
         self._coder = CoderPull()
         self._pull_px2 = 0.0
@@ -216,19 +216,19 @@ class Aligner:
 
     def _report(self, refined: Refinement, time_s: float, *, predicted: bool) -> Sighting:
         h = refined.homography
-        white = np.array(refined.plain[:3])
-        blocks = white * self._steady(refined)
-        place = np.array([h[0, 2], h[1, 2], self._unwrap(_measure_angle(h))])
+        *white, cross = refined.plain
+        blocks = [even * factor for even, factor in zip(white, self._steady(refined), strict=True)]
+        place = float(h[0, 2]), float(h[1, 2]), self._unwrap(_measure_angle(h))
         pull = self._coder.measure(time_s, place, white=white, blocks=blocks, predicted=predicted)
-        self._pull_px2 = float(pull[:2].min())
-        (xx, yy, turned), image = (blocks + pull).tolist(), float(blocks[0] + blocks[1])
-        cross = refined.plain[3] * math.sqrt(xx * yy / (white[0] * white[1]))
+        self._pull_px2 = min(pull[0], pull[1])
+        xx, yy, turned = (shown + hidden for shown, hidden in zip(blocks, pull, strict=True))
+        cross *= math.sqrt(xx * yy / (white[0] * white[1]))
         return Sighting(
             homography=h,
             covariance_px2=np.array([[xx, cross], [cross, yy]]),
             angle_std_rad=math.sqrt(turned),
             correlation=refined.correlation,
-            image_share=image / (xx + yy),
+            image_share=(blocks[0] + blocks[1]) / (xx + yy),
         )
 
     def _unwrap(self, angle_rad: float) -> float:
@@ -242,21 +242,21 @@ class Aligner:
         """Tell whether the image differs from the pattern by more than it usually does: its noise is then no one's."""
         return refined.sandwich is None and refined.variance > _ODD_VARIANCE * self._variance
 
-    def _steady(self, refined: Refinement) -> FloatArray:
-        """Return the running ratio of the variances that see correlated noise to the plain ones, shape (3,).
+    def _steady(self, refined: Refinement) -> list[float]:
+        """Return the running ratios of the variances that see correlated noise to the plain ones: of x, y and angle.
 
         One frame's is known to a fifth only; where it jumps (a hand over the tag) it counts at once.
         """
         self._measured += 1
         self._variance += (refined.variance - self._variance) / min(self._measured, _MEMORY)
         if refined.sandwich is None:
-            return np.exp(self._log_ratio)
+            return [math.exp(part) for part in self._log_ratio]
         self._looks += 1
-        memory = _CODED_MEMORY if self._coder.is_at_work else _MEMORY
-        ratio = np.log(np.maximum(refined.sandwich, 1e-30) / refined.plain[:3])
-        self._log_ratio += (ratio - self._log_ratio) / min(self._looks, memory)
-        shown: FloatArray = np.exp(np.maximum(self._log_ratio, ratio - 1.0))
-        return shown
+        memory = min(self._looks, _CODED_MEMORY if self._coder.is_at_work else _MEMORY)
+        pairs = zip(refined.sandwich.tolist(), refined.plain[:3], strict=True)
+        ratio = [math.log(max(seen, 1e-30) / plain) for seen, plain in pairs]
+        self._log_ratio = [old + (new - old) / memory for old, new in zip(self._log_ratio, ratio, strict=True)]
+        return [math.exp(max(old, new - 1.0)) for old, new in zip(self._log_ratio, ratio, strict=True)]
 
 
 def _measure_angle(homography: FloatArray) -> float:

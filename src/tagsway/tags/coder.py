@@ -1,14 +1,12 @@
 """What a coder leaves of a tag's motion: images that are made from others keep the others' errors."""
 
 import math
+from collections.abc import Sequence
 
-import numpy as np
-
-from tagsway.model import FloatArray
 from tagsway.tags.scatter import Scatter
 
 _UNEVEN = math.exp(0.1)  # the blocks of raw images stay below, by chance
-_PULLED_TOGETHER = np.array([15.0, 15.0, 4.0])  # variance of what all blocks share, over what their differences show
+_PULLED_TOGETHER = (15.0, 15.0, 4.0)  # variance of what all blocks share, over what their differences show
 _SLOW_PX = 0.4  # an image: faster motion is coded anew in every image, with other errors each time
 _FROZEN = 2.0  # as above, of an image that was coded by itself
 _SPEED_MEMORY = 4  # images
@@ -39,54 +37,55 @@ class CoderPull:
 
     def __init__(self) -> None:
         self._scatter = Scatter()
-        self._start_px: FloatArray | None = None
-        self._last_px: FloatArray | None = None
+        self._start_px: tuple[float, float] | None = None
+        self._last_px: tuple[float, float] | None = None
         self._way_px2 = 0.0
         self._speed_px = 0.0
         self.is_at_work = False
 
     def measure(
-        self, time_s: float, place: FloatArray, *, white: FloatArray, blocks: FloatArray, predicted: bool
-    ) -> FloatArray:
-        """Return the variances of (x, y, angle) that a coder adds to those that the image shows, shape (3,).
+        self, time_s: float, place: Sequence[float], *, white: Sequence[float], blocks: Sequence[float], predicted: bool
+    ) -> list[float]:
+        """Return the variances of x, y and angle that a coder adds to those that the image shows.
 
         Parameters
         ----------
         time_s : float
             When the image was taken; later than the one before.
-        place : ndarray, shape (3,)
+        place : sequence of 3 float
             Centre (x, y in px) and angle (rad).
-        white, blocks : ndarray, shape (3,)
+        white, blocks : sequence of 3 float
             Variances of these for white noise of the residual's size, and from the residual's sums over blocks.
         predicted : bool
             Whether the image was made from others.
         """
         self.is_at_work = self.is_at_work or predicted
-        uneven = np.maximum(blocks - _UNEVEN * white, 0.0)
-        if not (self.is_at_work or uneven[:2].all()):
-            return np.zeros(3)
+        uneven = [max(shown - _UNEVEN * even, 0.0) for shown, even in zip(blocks, white, strict=True)]
+        if not (self.is_at_work or (uneven[0] > 0 and uneven[1] > 0)):
+            return [0.0, 0.0, 0.0]
         self._scatter.add(time_s, place, blocks)
+        scatter = self._scatter.variance.tolist()
         if not self.is_at_work:
-            return np.maximum(self._scatter.variance - blocks, 0.0)
-        self._move(place[:2], predicted=predicted)
-        shared = _PULLED_TOGETHER * uneven
-        shared[:2] /= 1 + (self._speed_px / _SLOW_PX) ** 2
-        pulled = np.maximum(self._scatter.variance, shared)
-        reached = min(self._way_px2 / max(float(pulled[:2].max()), 1e-30), 1.0)
-        pull: FloatArray = np.maximum(reached * pulled, _FROZEN * uneven)
-        return pull
+            return [max(one - shown, 0.0) for one, shown in zip(scatter, blocks, strict=True)]
+        self._move((float(place[0]), float(place[1])), predicted=predicted)
+        fast = 1 + (self._speed_px / _SLOW_PX) ** 2
+        shares = _PULLED_TOGETHER[0] / fast, _PULLED_TOGETHER[1] / fast, _PULLED_TOGETHER[2]
+        pulled = [max(one, share * least) for one, share, least in zip(scatter, shares, uneven, strict=True)]
+        reached = min(self._way_px2 / max(pulled[0], pulled[1], 1e-30), 1.0)
+        return [max(reached * one, _FROZEN * least) for one, least in zip(pulled, uneven, strict=True)]
 
     def interrupt(self) -> None:
         """Forget the last places, after a gap."""
         self._scatter.interrupt()
         self._last_px = None
 
-    def _move(self, centre_px: FloatArray, *, predicted: bool) -> None:
+    def _move(self, centre_px: tuple[float, float], *, predicted: bool) -> None:
         if self._last_px is not None:
             step_px = math.dist(centre_px, self._last_px)
             self._speed_px += (step_px - self._speed_px) / _SPEED_MEMORY
         self._last_px = centre_px
         if self._start_px is None or not predicted:
             self._start_px, self._way_px2 = centre_px, 0.0
-        self._start_px = self._start_px + (centre_px - self._start_px) / _REST_MEMORY
+        (x, y), (to_x, to_y) = self._start_px, centre_px
+        self._start_px = x + (to_x - x) / _REST_MEMORY, y + (to_y - y) / _REST_MEMORY
         self._way_px2 = max(self._way_px2 * (1 - 2 / _REST_MEMORY), math.dist(centre_px, self._start_px) ** 2)

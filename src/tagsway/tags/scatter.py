@@ -1,18 +1,19 @@
 """How far measured places scatter in time about a smooth motion."""
 
 import math
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
+from numba import types
 
+from tagsway.compiled import compile_part, compile_whole
 from tagsway.model import FloatArray
 
 _STRIDES = (1, 2, 4)  # images between the places that are compared: an error that lasts shows in the longer ones alone
 _LEAST_ORDER, _MOST_ORDER = 3, 6  # of the differences: what moves fast at few images a second is gone in the highest
-_ORDERS = np.arange(_LEAST_ORDER, _MOST_ORDER + 1)
-_PLACES = np.array([[stride * k for k in range(_MOST_ORDER + 1)] for stride in _STRIDES])
-_BEHIND = np.tri(_MOST_ORDER + 1, dtype=bool)[_ORDERS].T  # which places, of the newest first, a difference is of
-_ITSELF = np.eye(_MOST_ORDER + 1)
-_HELD = int(_PLACES.max()) + 1
+_ORDERS = _MOST_ORDER - _LEAST_ORDER + 1
+_HELD = _STRIDES[-1] * _MOST_ORDER + 1
 _EVERY = 2  # images: differences of neighbouring ones tell almost the same
 _MEMORY = 16  # differences
 _FEWEST = 4
@@ -36,12 +37,13 @@ class Scatter:
     """
 
     def __init__(self) -> None:
+        self._add = load_add()
         self._time_s = -1.0 - np.arange(_HELD)  # the newest first; none of them twice
         self._place = np.zeros((_HELD, 3))
         self._held = 0
         self._added = 0
-        self._squares = np.zeros((len(_STRIDES), len(_ORDERS), 3))
-        self._counts = np.zeros((len(_STRIDES), len(_ORDERS), 1))
+        self._squares = np.zeros((len(_STRIDES), _ORDERS, 3))
+        self._counts = np.zeros((len(_STRIDES), _ORDERS))
         self._variance = np.zeros(3)
 
     @property
@@ -49,16 +51,16 @@ class Scatter:
         """Of (x, y, angle), shape (3,); 0 as long as too few images have been seen."""
         return self._variance
 
-    def add(self, time_s: float, place: FloatArray, stated: FloatArray) -> None:
+    def add(self, time_s: float, place: Sequence[float], stated: Sequence[float]) -> None:
         """Take in one image.
 
         Parameters
         ----------
         time_s : float
             When it was taken, from 0 on; an image that is not later than the one before is left out.
-        place : ndarray, shape (3,)
+        place : sequence of 3 float
             Centre (x, y in px) and angle (rad, unwrapped).
-        stated : ndarray, shape (3,)
+        stated : sequence of 3 float
             Variances of these as the image alone shows them.
         """
         if not time_s > self._time_s[0]:
@@ -68,38 +70,69 @@ class Scatter:
         self._time_s[0], self._place[0] = time_s, place
         self._held = min(self._held + 1, _HELD)
         self._added += 1
-        if self._added % _EVERY or self._held <= _LEAST_ORDER:
-            return
-        weights = _weigh_differences(self._time_s[_PLACES])
-        differences = np.swapaxes(weights, 1, 2) @ (self._place[_PLACES] - place)
-        squares = np.minimum(differences * differences, _MOST_AT_ONCE * np.maximum(self._variance, stated))
-        known = (_PLACES[:, _ORDERS] < self._held)[..., None]
-        self._counts += known
-        step = (squares - self._squares) / np.clip(self._counts, 1, _MEMORY)
-        self._squares += np.where(known, step, 0.0)
-        self._variance = self._judge()
+        if self._added % _EVERY == 0 and self._held > _LEAST_ORDER:
+            least = np.maximum(self._variance, stated)
+            self._variance = self._add(self._time_s, self._place, self._held, least, self._squares, self._counts)
 
     def interrupt(self) -> None:
         """Forget the last images, after a gap, but not how much they scattered."""
         self._held = 0
 
-    def _judge(self) -> FloatArray:
-        """Return the largest scatter of all strides that see noise, each in the order that leaves least."""
-        settled = self._counts >= _FEWEST
-        least = np.where(settled, self._squares, math.inf).min(axis=1)
-        noisy = settled[:, -1] & (self._squares[:, -1] > _AGREE * self._squares[:, -2])
-        noisy[0] = True
-        least[~(noisy & np.isfinite(least))] = 0.0
-        least[1:] = np.minimum(least[1:], _MOST_SHARED * least[0])
-        variance: FloatArray = _COLOUR * least.max(axis=0)
-        return variance
+
+@compile_part
+def _differ(time_s, place, stride, order, axis):
+    """Return the divided difference of places, every so many images, its weights of unit length."""
+    total, length = 0.0, 0.0
+    for k in range(order + 1):
+        product = 1.0
+        for other in range(order + 1):
+            if other != k:  # in units of the first step, so that no product is too small
+                product *= (time_s[stride * k] - time_s[stride * other]) / (time_s[0] - time_s[stride])
+        total += (place[stride * k, axis] - place[0, axis]) / product
+        length += 1 / product**2
+    return total / math.sqrt(length)
 
 
-def _weigh_differences(time_s: FloatArray) -> FloatArray:
-    """Return the divided differences' weights of places at these times, of unit length, shape (strides, 7, orders)."""
-    apart = time_s[:, :, None] - time_s[:, None, :]
-    # In units of the first step, so that no product is too small; a place's distance from itself is left out.
-    products = np.cumprod(apart / abs(apart[:, :1, 1:2]) + _ITSELF, axis=2)[:, :, _ORDERS]
-    weights = _BEHIND / products
-    unit: FloatArray = weights / np.sqrt((weights * weights).sum(axis=1, keepdims=True))
-    return unit
+def _add(time_s, place, held, least, squares, counts):
+    variance = np.zeros(3)
+    for s in range(len(_STRIDES)):
+        stride = _STRIDES[s]
+        for o in range(_ORDERS):
+            order = o + _LEAST_ORDER
+            if not stride * order < held:
+                continue
+            counts[s, o] += 1
+            for axis in range(3):
+                square = _differ(time_s, place, stride, order, axis) ** 2
+                square = min(square, _MOST_AT_ONCE * least[axis])
+                squares[s, o, axis] += (square - squares[s, o, axis]) / min(counts[s, o], _MEMORY)
+    for axis in range(3):
+        near = 0.0  # what neighbours show
+        for s in range(len(_STRIDES)):
+            quiet = math.inf  # the order that leaves least
+            for o in range(_ORDERS):
+                if counts[s, o] >= _FEWEST:
+                    quiet = min(quiet, squares[s, o, axis])
+            noisy = counts[s, -1] >= _FEWEST and squares[s, -1, axis] > _AGREE * squares[s, -2, axis]
+            if s == 0:
+                near = quiet if quiet < math.inf else 0.0
+                variance[axis] = near
+            elif noisy and quiet < math.inf:
+                variance[axis] = max(variance[axis], min(quiet, _MOST_SHARED * near))
+        variance[axis] *= _COLOUR
+    return variance
+
+
+@cache
+def load_add() -> Callable[..., FloatArray]:
+    """Return the compiled function that takes one image in.
+
+    Returns
+    -------
+    callable
+        Takes times (25,) and places (25, 3), the newest first; how many of them are known; the least variances that
+        one square is held against (3,); and the running squares (3, 4, 3) and their counts (3, 4) by stride and order,
+        which it goes on with. Returns the largest scatter of all strides that see noise, shape (3,).
+    """
+    one, two, three = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3))
+    return compile_whole(_add, (one, two, types.int64, one, three, two))
