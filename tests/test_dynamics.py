@@ -1,6 +1,10 @@
 """The equation of motion against an independent simulator, and its order."""
 
+import os
+import subprocess
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -122,3 +126,22 @@ def test_dry_friction_takes_the_same_angle_off_each_half_swing() -> None:
 def test_velocities_that_do_not_fit_the_nodes_are_refused() -> None:
     with pytest.raises(ValueError, match="11 nodes need 21 pivot velocities, not 11"):
         simulate_sway(PendulumEnsemble.of(FLEXIBLE), np.linspace(0, 1, 11), np.zeros((11, 2)))
+
+
+def test_whole_numbers_are_times_and_velocities_too() -> None:
+    whole = simulate_sway(PendulumEnsemble.of(FLEXIBLE), np.arange(3), np.ones((5, 2), dtype=int))
+    floats = simulate_sway(PendulumEnsemble.of(FLEXIBLE), np.arange(3.0), np.ones((5, 2)))
+    np.testing.assert_array_equal(whole, floats)  # identity
+
+
+@pytest.mark.parametrize("damage", [b"", b"no index"])
+def test_a_damaged_cache_of_what_is_compiled_is_not_read(tmp_path: Path, damage: bytes) -> None:
+    code = "from tagsway.marching import load_march; load_march()"
+    run = [sys.executable, "-c", code]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run(run, env=environment, check=True)
+    kept = [file for file in tmp_path.rglob("*") if file.is_file()]
+    assert kept  # or nothing would be damaged
+    for file in kept:
+        file.write_bytes(damage)
+    subprocess.run(run, env=environment, check=True)

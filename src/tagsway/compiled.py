@@ -1,7 +1,6 @@
 """Loops that numba compiles: once for a machine, then they are read from its cache."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
 from numba import njit
@@ -29,11 +28,20 @@ def compile_whole(
     a short function.
 
     The cache lies beside the source file, else in the user's own cache folder (NUMBA_CACHE_DIR names another); where
-    none of these can be written the function is compiled anew in every process. It knows when the file changes, not
-    when another one does: what is compiled together stands in one file.
+    none of these can be written, or what is there is damaged, the function is compiled anew. It knows when the file
+    changes, not when another one does: what is compiled together stands in one file.
     """
+    try:
+        return _compile(function, signature, without_lock, cached=True)
+    except Exception:  # a damaged file of the cache fails in as many ways as it can be damaged
+        return _compile(function, signature, without_lock, cached=False)
+
+
+def _compile(
+    function: Callable[_P, _R], signature: tuple[Any, ...], without_lock: bool, *, cached: bool
+) -> Callable[_P, _R]:
     compiled = njit(**_HOW, nogil=without_lock)(function)
-    with suppress(RuntimeError):
+    if cached:
         compiled.enable_caching()
     compiled.compile(signature)
     compiled.disable_compile()  # an array of another layout is taken as it is, not compiled for

@@ -118,14 +118,17 @@ def simulate_sway(
     node. Dry friction's sign is smoothed: where it reverses, the order does not hold, and neither does
     the standstill that real stiction ends in.
     """
-    velocity = pivot_velocity_m_s if pivot_velocity_m_s.ndim == 3 else pivot_velocity_m_s[:, :, None]
+    velocity = np.asarray(pivot_velocity_m_s, dtype=float)
+    velocity = velocity if velocity.ndim == 3 else velocity[:, :, None]
     if len(velocity) != 2 * len(time_s) - 1:
         raise ValueError(f"{len(time_s)} nodes need {2 * len(time_s) - 1} pivot velocities, not {len(velocity)}")
     m = max(len(ensemble.length_m), velocity.shape[2])
     q = np.broadcast_to(np.asarray(angle_rad, dtype=float), (m,))
     p = _momentum(ensemble, velocity[0], q) if momentum_rad_s is None else np.asarray(momentum_rad_s, dtype=float)
     start = np.stack([q, np.broadcast_to(p, (m,))])
-    angles, momenta = load_march()(start, velocity, np.diff(time_s), _constants(ensemble), stiction_rate_rad_s)
+    angles, momenta = load_march()(
+        start, velocity, np.diff(time_s).astype(float), _constants(ensemble), stiction_rate_rad_s
+    )
     return angles, momenta - _momentum(ensemble, velocity[::2].swapaxes(0, 1), angles)
 
 
