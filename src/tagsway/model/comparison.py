@@ -127,7 +127,8 @@ class Promise:
     median : float or None
         Measured; None for all limits, and where most never settle.
     kept_ci95 : tuple of float or None
-        Share of such picks that keep it, exactly (Clopper and Pearson).
+        Share of such picks that keep it, exactly (Clopper and Pearson); of all limits the upper end takes picks that
+        tell a part to keep the rest.
     verdict : {"kept", "open", "broken"} or None
         Kept where that interval lies above the promised share, broken where it lies below.
     """

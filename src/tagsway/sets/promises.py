@@ -186,19 +186,25 @@ def _known_values(one: _Said, part: pd.DataFrame, condition: str, told: list[Not
 def _judge_together(
     limits: Sequence[tuple[_Said, FloatArray]], group: str, condition: str, source: str, told: list[Notice]
 ) -> Iterator[Promise]:
-    """Give the promise of all limits at once, over the measurements that tell all of those that were measured.
+    """Give the promise of all limits at once, over the measurements that break one or tell all of those measured.
 
     A limit that was not measured can only be broken by more of them: then the rest breaks the promise, or leaves it
     open.
     """
     seen = [(one, values) for one, values in limits if not np.isnan(values).all()]
     unseen = [one.quantity for one, values in limits if np.isnan(values).all()]
-    known = np.all([~np.isnan(values) for _, values in seen], axis=0) if seen else np.zeros(0, dtype=bool)
-    if not known.any():
+    if not seen:
+        told.append(_tell_unseen(unseen, condition))
         return
-    kept = np.all([values[known] <= one.value for one, values in seen], axis=0)
+    broken = np.any([values > one.value for one, values in seen], axis=0)
+    whole = np.all([~np.isnan(values) for _, values in seen], axis=0)
+    kept, n = int(np.sum(whole & ~broken)), int(np.sum(whole | broken))
+    if not n:
+        told.append(_tell_apart([one.quantity for one, _ in limits], condition))
+        return
+    partly = int(np.sum(np.any([~np.isnan(values) for _, values in seen], axis=0))) - n
     share = limits[0][0].share
-    interval = share_interval(int(kept.sum()), len(kept))
+    interval = _interval_together(seen, kept, n, partly)
     verdict = _verdict(interval, share)
     if unseen:
         verdict = "open" if verdict == "kept" else verdict
@@ -211,12 +217,24 @@ def _judge_together(
         kind="all limits",
         promised=None,
         share=share,
-        n=len(kept),
-        kept=int(kept.sum()),
+        n=n,
+        kept=kept,
         median=None,
         kept_ci95=interval,
         verdict=verdict,
     )
+
+
+def _interval_together(seen: Sequence[tuple[_Said, FloatArray]], kept: int, n: int, partly: int) -> tuple[float, float]:
+    """Return the interval of the share that keeps all limits.
+
+    What breaks one limit counts where others are missing, what keeps one does not: so the counted ones alone would
+    tell too small a share. Its upper end takes those that tell a part to keep the rest; nor do more keep all limits
+    than keep any one of them.
+    """
+    singles = [values[~np.isnan(values)] <= one.value for one, values in seen]
+    uppers = [share_interval(int(single.sum()), len(single))[1] for single in singles]
+    return share_interval(kept, n)[0], min(share_interval(kept + partly, n + partly)[1], *uppers)
 
 
 def _promise(one: _Said, group: str, condition: str, source: str, values: FloatArray) -> Promise:
@@ -249,6 +267,14 @@ def _tell_unseen(unseen: Sequence[str], condition: str) -> Notice:
     message = (
         f"promised of {condition} and not measured: {', '.join(unseen)}; so all limits together can be broken by what "
         "was measured, and not kept"
+    )
+    return Notice(code="promise_not_measured", message=message)
+
+
+def _tell_apart(quantities: Sequence[str], condition: str) -> Notice:
+    message = (
+        f"promised of {condition} and not measured of any one pick together: {', '.join(quantities)}; no pick breaks "
+        "one of them, and so all limits together are not judged"
     )
     return Notice(code="promise_not_measured", message=message)
 
