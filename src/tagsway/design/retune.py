@@ -30,6 +30,9 @@ DRAWS = 200
 WORTHWHILE = 2.0
 """A gain of fewer standard errors may be none."""
 
+NEGLIGIBLE = 0.15
+"""Of the residual: a gain that is surely smaller, or a loss, tells that its cause is not the shaper's frequency."""
+
 SMALL = 1e-3
 """Of the move: so slow a copy of it that the pendulum is linear, and its lift nothing."""
 
@@ -54,7 +57,7 @@ class Retuned:
     residual_m, expected_m : Estimate
         Largest residual with the old shaper, and what is expected with the new one for the same payload.
     notices : tuple of Notice
-        Where nothing is gained.
+        Where nothing is gained, or the gain is too uncertain to tell.
     """
 
     natural_frequency_hz: Estimate
@@ -134,7 +137,7 @@ def retune_shaper(
         shaper=corrected,
         residual_m=residual,
         expected_m=next_residual,
-        notices=_notices(_gain(residual, next_residual)),
+        notices=_notices(_gain(residual, next_residual), simulated=replan is not None),
     )
 
 
@@ -212,11 +215,17 @@ def _gain(now: Estimate, then: Estimate) -> Estimate:
     return Estimate.normal(1 - share, std, high=1.0)
 
 
-def _notices(gain: Estimate) -> tuple[Notice, ...]:
+def _notices(gain: Estimate, *, simulated: bool) -> tuple[Notice, ...]:
     if gain.value > WORTHWHILE * gain.std:
         return ()
-    words = (
-        f"{100 * gain.value:.0f} ± {100 * gain.std:.0f} % are no sure gain: what is left comes of the lift, the width "
-        "of the swing or another body, not of the shaper's frequency; keep the shaper, or design a gentler move"
-    )
-    return (Notice(code="nothing_to_gain", message=words),)
+    words = f"{100 * gain.value:.0f} ± {100 * gain.std:.0f} % are no sure gain: "
+    if gain.value + WORTHWHILE * gain.std < NEGLIGIBLE:
+        words += (
+            "what is left comes of the lift, the width of the swing or another body, not of the shaper's frequency; "
+            "keep the shaper, or design a gentler move"
+        )
+        return (Notice(code="nothing_to_gain", message=words),)
+    more = "film more of the swing that is left, or a run more"
+    words += "too uncertain to tell whether the corrected shaper is the better one; "
+    words += more if simulated else f"give the move that was run and its shaped axes (--move), or {more}"
+    return (Notice(code="gain_uncertain", message=words),)
