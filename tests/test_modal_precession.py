@@ -118,6 +118,22 @@ def test_it_is_found_without_a_rotation_with_spikes_and_with_a_gap() -> None:
     assert fit_plane(sway, samples.time_s, in_metres=True).across.seen
 
 
+@pytest.mark.parametrize(
+    ("spikes_m", "sway_axis"), [([(0.1, -0.1)], None), ([(0.3, 0.3)] * 3, None), ([], "30"), ([], "-20")]
+)
+def test_a_plane_swing_stays_one_with_gross_spikes_and_on_a_stated_axis(spikes_m, sway_axis) -> None:
+    track = swing(0.0)
+    plain = identify_modes(track, whole(track)).estimate
+    for k, spike in enumerate(spikes_m):
+        track.pcp.position[100 + 70 * k] += spike
+    found = identify_modes(track, whole(track), sway_axis=sway_axis)
+    assert "sways_across" not in {notice.code for notice in found.notices}
+    # statistics: half a standard error
+    for name in ("natural_frequency_hz", "damping_ratio"):
+        was, now = getattr(plain, name), getattr(found.estimate, name)
+        assert now.value == pytest.approx(was.value, abs=0.5 * was.std)
+
+
 def test_a_straight_path_has_none() -> None:
     track = swing(0.0, noise_m=5e-3)
     sway, samples = measured(track)

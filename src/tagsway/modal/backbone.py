@@ -92,6 +92,8 @@ def fit_pieces(sway: Sway, samples: Samples, fit: DecayFit) -> tuple[BackbonePoi
             value=(samples.value - rest)[first:last],
             spread=samples.spread[first:last],
             stated=samples.stated,
+            pulled=samples.pulled,
+            common=None if samples.common is None else samples.common[first:last],
         )
         p, scale = fit_linear_part(piece, float(fit.parameters[OMEGA]), float(fit.parameters[ALPHA]))
         local = fit_decay(piece, p, Terms(shape=fit.terms.shape), scale=max(scale, 1e-3 * fit.scale))

@@ -7,8 +7,8 @@ from scipy.optimize import least_squares
 
 from tagsway.modal.decay import ALPHA, COSINE, OMEGA, SINE, SOFTENING, predict
 from tagsway.modal.samples import DecayFit
-from tagsway.modal.sway import Sway
-from tagsway.model import FloatArray
+from tagsway.modal.sway import Sway, remove_spikes
+from tagsway.model import BoolArray, FloatArray
 
 ACROSS_STD_RAD = 0.03
 """Of the amplitude across, in phase and out of it, where none is seen: payloads sway by two degrees to any side."""
@@ -60,6 +60,12 @@ class Shown:
         κ, gravity's share of ω_n².
     unit : float
         The arc's radius, in the track's length unit.
+    steady : ndarray of bool, shape (n,)
+        Which of the samples are no spikes.
+    centre : tuple of float
+        Of the sway's own circle, along the main axis and across it.
+    side : float
+        1 where the arc is below its centre, else -1.
     gain_std : float
         Of the tag's rotation over the arc's, whose mean is 1.
     """
@@ -76,6 +82,9 @@ class Shown:
     omega: float
     gravity: float
     unit: float
+    steady: BoolArray
+    centre: tuple[float, float]
+    side: float
     gain_std: float = ANGLE_GAIN_STD
 
     @classmethod
@@ -89,6 +98,7 @@ class Shown:
         along, across = sway.along / unit, sway.across / unit
         seen = np.isfinite(sway.angle_rad) & (sway.angle_std_rad > 0)
         noise = fit.scale / unit * sway.spread
+        side, centre = _find_centre(along, across, sway.value / unit, noise)
         return cls(
             time_s=time_s,
             s=along,
@@ -102,32 +112,29 @@ class Shown:
             omega=omega,
             gravity=float(np.clip(16 * fit.parameters[SOFTENING] / size**2, 0.0, 1.0)),
             unit=unit,
+            steady=(remove_spikes(along) == along) & (remove_spikes(across) == across),
+            centre=centre,
+            side=side,
         )
 
     def thinned(self) -> "Shown":
-        """Return every k-th sample of it."""
-        every = slice(None, None, -(-len(self.time_s) // MOST_SAMPLES))
-        names = ("time_s", "s", "v", "std", "angle", "angle_std", "plane")
+        """Return every k-th sample of it, without spikes."""
+        steady = np.flatnonzero(self.steady)
+        every = steady[:: max(1, -(-len(steady) // MOST_SAMPLES))]
+        names = ("time_s", "s", "v", "std", "angle", "angle_std", "plane", "steady")
         return replace(self, **{name: getattr(self, name)[every] for name in names})
-
-    @property
-    def side(self) -> float:
-        """1 where the arc is below its centre, else -1."""
-        lift = self.s - np.median(self.s)
-        return float(np.sign(np.dot(lift**2 - np.mean(lift**2), self.v)) or 1.0)
 
     def begin(self) -> FloatArray:
         """Return start values, shape (9,), without a sway across."""
         start = np.zeros(9)
         start[[RADIUS, GAIN, COUPLING]] = 1.0
-        low = np.abs(self.s) < 0.3 * np.max(np.abs(self.s)) + 1e-9
-        start[V0] = float(np.median(self.v[low])) + self.side
+        start[[S0, V0]] = self.centre
         start[TURNED] = float(np.median(self.angle - self.sign() * self.direction(start[:, None])[:, 0]))
         return start
 
     def sign(self) -> float:
         """Sign of the tag's rotation against the way along the arc."""
-        return float(np.sign(np.dot(self.s - np.mean(self.s), self.angle - np.mean(self.angle))) or 1.0)
+        return float(np.sign(np.dot(self.plane.real, self.angle - np.mean(self.angle))) or 1.0)
 
     def direction(self, p: FloatArray) -> FloatArray:
         """Return the angle at which the tag is seen from the circle's centre, shape (n, k), in rad."""
@@ -188,13 +195,15 @@ class Shown:
         """Return the parameters at the least cost; without the twin, C stays where it is."""
         most = np.full(9, np.inf)
         most[[REAL, IMAGINARY]], most[DETUNING], most[COUPLING] = self._largest(), 10 * DETUNING_STD, 2.0
+        least = -most
+        least[RADIUS] = 0.0
         found = least_squares(
             lambda p: self.misfits(p[:, None])[:, 0],  # type: ignore[misc]
             start,
             lambda p: self.slopes(p, twin=twin),  # type: ignore[misc]
             loss="soft_l1",
             f_scale=1.5,
-            bounds=(-most, most),
+            bounds=(least, most),
             ftol=1e-6,
             max_nfev=tries,
         )
@@ -281,6 +290,18 @@ def inform(rows: FloatArray, columns: FloatArray, left: FloatArray) -> tuple[Flo
     basis = np.linalg.qr(rows)[0]
     outside = columns - basis @ (basis.T @ columns)
     return outside.T @ outside, outside.T @ np.clip(left, -4, 4)
+
+
+def _find_centre(s: FloatArray, v: FloatArray, way: FloatArray, noise: FloatArray) -> tuple[float, tuple[float, float]]:
+    """Return the side on which the sway's own circle has its centre, and that centre, in units of its radius."""
+    centres = {side: float(np.median(v + side * np.cos(way))) for side in (1.0, -1.0)}
+
+    def misfit(side: float) -> float:
+        # A spike counts no more than a few standard errors, the same on either side.
+        return float(np.sum(np.minimum(np.abs(v + side * np.cos(way) - centres[side]) / noise, 6.0)))
+
+    side = min(centres, key=misfit)
+    return side, (float(np.median(s - np.sin(way))), centres[side])
 
 
 def _plane_decay(time_s: FloatArray, fit: DecayFit) -> FloatArray:

@@ -149,15 +149,18 @@ def _angle_samples(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Samples | N
         return None
     std = sway.angle_std_rad[seen]
     typical = float(np.median(std))
+    way, turned = sway.value[seen], sway.angle_rad[seen]
+    # Seen from behind, or with the product above its tool, the tag turns against its way.
+    sign = float(np.sign(np.dot(way - np.median(way), turned - np.median(turned))) or 1.0)
     angle = Samples(
         time_s=time_s[seen],
-        value=sway.angle_rad[seen],
+        value=turned,
         spread=np.clip(std / typical, 0.3, 30.0),
         stated=min(sway.angle_stated_std, typical),
         pulled=sway.angle_pulled_std,
         drive=None if sway.drive is None else sway.drive[seen],
         drive_std=sway.drive_std,
-        common=None if sway.common is None else sway.curvature * sway.common[seen],
+        common=None if sway.common is None else sign * sway.curvature * sway.common[seen],
     )
     return average_blocks(angle, None, omega=first_omega(fit))
 

@@ -18,6 +18,9 @@ from tagsway.model import FloatArray
 WORTH = 30.0
 """Fall of the squares, over the noise's, that a sway across must bring: its numbers do so by chance in one of 1e6."""
 
+CIRCLE = (0.5, 2.0)
+"""Of the sway's own radius, between which a circle without a sway across must lie: beyond, the fit went astray."""
+
 LOOSE_GAIN_STD = 0.2
 """Of the tag's rotation over the arc's, where the gripper bends or stretches: without a sway across, it may well."""
 
@@ -79,7 +82,7 @@ def find_precession(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Precession
     Returns
     -------
     Precession or None
-        None where the path is straight: a small swing does not couple with another one.
+        None where the path is straight, as a small swing does not couple with another one, or where its circle is lost.
 
     Notes
     -----
@@ -101,6 +104,8 @@ def find_precession(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Precession
     shown = Shown.of(sway, time_s, fit)
     few = shown.thinned()
     plain = few.solve(few.begin(), twin=False)
+    if not CIRCLE[0] < plain[RADIUS] < CIRCLE[1]:
+        return None
     gain, lifts = few.hint(plain)
     loose = replace(few, gain_std=LOOSE_GAIN_STD)
     plain = loose.solve(plain, twin=False)
