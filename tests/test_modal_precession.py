@@ -1,6 +1,7 @@
 """A sway across the filmed plane: its ellipse turns, and the camera takes that for damping and frequency."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -154,3 +155,21 @@ def test_what_noise_hides_is_in_the_errors() -> None:
     assert found.estimate.damping_ratio.ci95[0] <= truth <= found.estimate.damping_ratio.ci95[1]
     low, high = found.estimate.natural_frequency_hz.ci95
     assert low <= frequency <= high
+
+
+def test_a_product_above_its_tool_has_the_same_errors() -> None:
+    track = swing(0.04, spin_rad=0.03, noise_m=1e-4)
+    assert track.tcp is not None
+    upside_down = replace(track, pcp=_mirrored(track.pcp), tcp=_mirrored(track.tcp))
+    here, there = (identify_modes(one, whole(one)).estimate for one in (track, upside_down))
+    for one, other in (
+        (here.natural_frequency_hz, there.natural_frequency_hz),
+        (here.damping_ratio, there.damping_ratio),
+    ):
+        assert one is not None
+        assert other is not None
+        assert other.std == pytest.approx(one.std, rel=1e-3)  # identity, but for where the searches end
+
+
+def _mirrored(tag: TagTrack) -> TagTrack:
+    return replace(tag, position=tag.position * [1, -1], angle_rad=-tag.angle_rad)

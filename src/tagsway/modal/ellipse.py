@@ -34,6 +34,9 @@ MOST_SAMPLES = 300
 LARGEST_RAD = 0.8
 """Sway across, in phase and out of it, beyond which the expansion leaves its ground."""
 
+RADII = (0.25, 4.0)
+"""Of the circle, over that of the arc: what a search may try; beyond it the swing's angle means nothing."""
+
 S0, V0, RADIUS, TURNED, GAIN, REAL, IMAGINARY, DETUNING, COUPLING = range(9)
 """Places of what is fitted: lengths over the arc's radius, rad, relative, C, relative to ω, relative."""
 
@@ -196,7 +199,7 @@ class Shown:
         most = np.full(9, np.inf)
         most[[REAL, IMAGINARY]], most[DETUNING], most[COUPLING] = self._largest(), 10 * DETUNING_STD, 2.0
         least = -most
-        least[RADIUS] = 0.0
+        least[RADIUS], most[RADIUS] = RADII
         found = least_squares(
             lambda p: self.misfits(p[:, None])[:, 0],  # type: ignore[misc]
             start,

@@ -50,9 +50,25 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
     tuple of Notice
         Empty for a long, clean, small decay.
     """
-    found = []
-    damping, frequency = modal.damping_ratio, modal.natural_frequency_hz
-    assert frequency is not None
+    found = [
+        *_of_damping(modal),
+        *_of_cycles(modal, 1 + fit.terms.further),
+        *_of_modes(modal, fit),
+        *_of_estimators(modal),
+    ]
+    if held:
+        found.append(
+            Notice(
+                code="softening_contradicts_arc",
+                message="the frequency changes along the record by more than the amplitude's fall explains: a clock, "
+                "a length or a camera that drifts; the arc's softening is taken for the small swing",
+            )
+        )
+    return (*found, *_of_residual(fit), *_of_amplitude(modal, fit, sway))
+
+
+def _of_damping(modal: ModalEstimate) -> list[Notice]:
+    found, damping = [], modal.damping_ratio
     if damping is None:
         found.append(
             Notice(code="growing", message="the vibration grows: it is driven, or beats; no damping ratio is given")
@@ -66,25 +82,20 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
                 "it, or does not tell it from drag and dry friction",
             )
         )
-    modes = 1 + fit.terms.further
-    if modal.cycles < CYCLES_PER_MODE * modes:
-        of = f", and {modes} modes share them: drag may pass for damping" if modes > 1 else ""
-        found.append(
-            Notice(
-                code="few_cycles",
-                message=f"only {modal.cycles:.1f} cycles of free vibration were seen{of}: film longer",
-            )
-        )
-    found += _of_modes(modal, fit)
-    found += _of_estimators(modal)
-    if held:
-        found.append(
-            Notice(
-                code="softening_contradicts_arc",
-                message="the frequency changes along the record by more than the amplitude's fall explains: a clock, "
-                "a length or a camera that drifts; the arc's softening is taken for the small swing",
-            )
-        )
+    return found
+
+
+def _of_cycles(modal: ModalEstimate, modes: int) -> list[Notice]:
+    if modal.cycles >= CYCLES_PER_MODE * modes:
+        return []
+    of = f", and {modes} modes share them: drag may pass for damping" if modes > 1 else ""
+    message = f"only {modal.cycles:.1f} cycles of free vibration were seen{of}: film longer"
+    return [Notice(code="few_cycles", message=message)]
+
+
+def _of_residual(fit: DecayFit) -> list[Notice]:
+    """Say where the fit leaves what no noise would."""
+    found = []
     if fit.inflation > COLOURED:
         found.append(
             Notice(
@@ -93,6 +104,23 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
                 f"{np.sqrt(fit.inflation):.1f} times larger for it",
             )
         )
+    size = float(np.hypot(*fit.parameters[[COSINE, SINE]]))
+    if fit.scale > MISFIT * size and fit.inflation > 5:
+        found.append(
+            Notice(
+                code="model_misfit",
+                message=f"the fit leaves {100 * fit.scale / size:.1f} % of the swing, and what it leaves swings with "
+                "it: this is no decay of that form (friction, a very large swing, or a vibration that is driven)",
+            )
+        )
+    return found
+
+
+def _of_amplitude(modal: ModalEstimate, fit: DecayFit, sway: Sway) -> list[Notice]:
+    """Say what a large swing changes."""
+    found = []
+    damping, frequency = modal.damping_ratio, modal.natural_frequency_hz
+    assert frequency is not None
     angle = sway.curvature * float(np.hypot(*fit.parameters[[COSINE, SINE]]))
     if angle > 1.0:
         found.append(
@@ -122,16 +150,7 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
                 f"{viscous:.2g} its viscous part; a shaper is designed for the mean amplitude's",
             )
         )
-    size = float(np.hypot(*fit.parameters[[COSINE, SINE]]))
-    if fit.scale > MISFIT * size and fit.inflation > 5:
-        found.append(
-            Notice(
-                code="model_misfit",
-                message=f"the fit leaves {100 * fit.scale / size:.1f} % of the swing, and what it leaves swings with "
-                "it: this is no decay of that form (friction, a very large swing, or a vibration that is driven)",
-            )
-        )
-    return tuple(found)
+    return found
 
 
 def reject_linear(samples: Samples, fit: DecayFit) -> tuple[Notice, ...]:
