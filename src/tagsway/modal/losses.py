@@ -34,6 +34,9 @@ SURELY = 0.95
 MOST_EVIDENCE = 100.0
 """Log of the odds beyond which nothing changes any more."""
 
+SWINGS_RAD = (1e-9, 10.0)
+"""Outside, the search has ended at what is no pendulum's swing: no loss is told from it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HiddenLosses:
@@ -137,6 +140,8 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         return None
     p = loose.parameters
     swing_rad, omega = float(np.hypot(p[COSINE], p[SINE])) * curvature, float(p[OMEGA])
+    if not (SWINGS_RAD[0] < swing_rad < SWINGS_RAD[1] and omega > 0):
+        return None
     width = {
         DRAG: 4 / (3 * np.pi) * DRAG_STD_PER_RAD * omega * swing_rad,
         FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
