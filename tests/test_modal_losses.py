@@ -84,6 +84,14 @@ def weigh(drag_per_rad: float, seed: int) -> tuple[HiddenLosses, DecayFit]:
     return hidden, plane.fit
 
 
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_a_search_that_ended_at_no_swing_tells_no_hidden_loss(size) -> None:
+    film = record(FLEXIBLE, pick_and_place(2.0), seed=0, decay_s=SHORT_S)
+    sway = measure_sway(film.track, film.window)
+    plane = fit_plane(sway, sway.time_s - film.window.start_s, in_metres=True)
+    assert weigh_losses(plane.samples, plane.fit, curvature=size, prior=plane.prior) is None
+
+
 def test_no_loss_is_a_gain_whatever_the_noise_says() -> None:
     for seed in SEEDS:
         hidden, plain = weigh(0.0, seed)
