@@ -30,6 +30,16 @@ __all__ = ["DecayFit", "Samples", "Softening", "extend", "fit_decay", "fit_linea
 WORTH = 20.0
 """Square of the standard errors by which a further term must stand out: one false term in 100 000 is rare enough."""
 
+MOST_LOOKS, ENOUGH = 50, 1e-6
+"""A search ends where a step promises to lower the deviance by less: a thousandth of a standard error."""
+
+FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-3, 1e-12, 1e8
+"""Of a step, in shares of the curvature along each parameter."""
+
+EASE, PRESS = 0.1, 8.0
+"""A step that keeps its promise eases the damping so much, one that does not help presses it; in between Nielsen's rule
+leaves it about as it is."""
+
 
 def fit_linear_part(samples: Samples, omega: float, alpha: float) -> tuple[FloatArray, float]:
     """Return all parameters of a plain decay with this pole, the linear ones by robust least squares.
@@ -86,6 +96,12 @@ def solve(
     parameters : ndarray, shape (10 + 4 k,)
     deviance : float
         Twice the cost over the variance.
+
+    Notes
+    -----
+    Levenberg's and Marquardt's steps. The cost bends less at a large residual than its slope over that of the square
+    would have it: with its own second derivative the last steps are Newton's, three or four where the reweighted
+    squares take ten. Far off, where that promises too much, the reweighted squares bound the cost from above.
     """
     free = terms.free
     known = prior if prior is not None and prior.std > 0 and terms.softening else None
@@ -104,30 +120,34 @@ def solve(
         # What is known before is no sample: it has no spikes.
         return _soft(left[:n]) + float(left[n:] @ left[n:])
 
-    # Levenberg-Marquardt on the iteratively reweighted squares; the columns' own lengths are the damping's scale.
-    p, damping = start.copy(), 1e-3
+    p, damping, bent = start.copy(), FIRST_DAMPING, True
     left, rows = look(p)
     deviance = cost(left)
-    for _ in range(50):
-        weight = (1 + (left / SOFT) ** 2) ** -0.5
-        weight[n:] = 1.0
+    for _ in range(MOST_LOOKS):
+        slope = (1 + (left / SOFT) ** 2) ** -0.5
+        slope[n:] = 1.0
         unit = np.linalg.norm(rows, axis=0)
         unit[unit == 0] = 1.0
         scaled = rows / unit
-        curvature = (scaled * weight[:, None]).T @ scaled
-        step = -np.linalg.solve(curvature + damping * np.diag(np.diag(curvature) + 1e-12), scaled.T @ (weight * left))
+        curvature = (scaled * (slope**3 if bent else slope)[:, None]).T @ scaled
+        downhill = -scaled.T @ (slope * left)
+        held = damping * (np.diag(curvature) + 1e-12)
+        step = np.linalg.solve(curvature + np.diag(held), downhill)
+        promised = float(step @ (downhill + held * step))
         trial = p.copy()
         trial[free] += step / unit
         new_left, new_rows = look(trial)
         new = cost(new_left)
-        if not new <= deviance:
-            damping *= 8
-            if damping > 1e8:
-                break
-            continue
-        done = deviance - new < 1e-9 * deviance or float(np.linalg.norm(step)) < 1e-5
-        p, left, rows, deviance, damping = trial, new_left, new_rows, new, max(damping / 8, 1e-12)
-        if done:
+        if new <= deviance:
+            kept = (deviance - new) / max(promised, 1e-300)
+            if bent:
+                damping = max(damping * max(EASE, 1 - (2 * kept - 1) ** 3), LEAST_DAMPING)
+            p, left, rows, deviance, bent = trial, new_left, new_rows, new, True
+        elif bent:
+            bent = False
+        else:
+            damping *= PRESS
+        if promised < ENOUGH * max(1.0, deviance / n) or damping > LARGEST_DAMPING:
             break
     return p, deviance
 
