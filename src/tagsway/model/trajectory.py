@@ -1,5 +1,6 @@
 """A motion in time: piecewise polynomials that can be evaluated at any time and order."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -51,13 +52,12 @@ class Trajectory:
         """
         time = np.asarray(time_s, dtype=float)
         inside = np.clip(time, 0.0, self.duration_s)
-        piece = np.clip(np.searchsorted(self.breaks_s, inside, side="right") - 1, 0, len(self.breaks_s) - 2)
+        piece = np.searchsorted(self.breaks_s[1:-1], inside, side="right")
         offset = (inside - self.breaks_s[piece])[..., None]
         degree = self.coefficients.shape[1] - 1
         value = np.zeros((*time.shape, 3))
         for power in range(degree, order - 1, -1):
-            factor = float(np.prod(np.arange(power - order + 1, power + 1), initial=1.0))
-            value = value * offset + factor * self.coefficients[piece, power]
+            value = value * offset + math.perm(power, order) * self.coefficients[piece, power]
         if order > 0:
             value[(time < 0) | (time >= self.duration_s)] = 0.0
         return value

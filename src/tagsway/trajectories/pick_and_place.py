@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from scipy.optimize import brentq
 
 from tagsway.errors import InputError
 from tagsway.model import Move, Trajectory
@@ -15,6 +16,9 @@ LEAST_LEVEL_SHARE = 0.05
 """Of the horizontal way that is level at the apex: there z can be held for a shaper."""
 
 SHORTEST_WAY_M = 1e-9
+
+INSIDE = 1 - 1e-12
+"""A root is found to rounding: on this side of it the blends leave room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +47,11 @@ class _Corners:
         """Return what remains of the horizontal way between the blends."""
         return way_m - sum(u**2 for u in self.speed_m_s) / (math.sqrt(2) * acceleration_m_s2)
 
-    def fit(self, way_m: float, acceleration_m_s2: float) -> bool:
-        """Return whether the level part lets the tool get from the one speed to the other."""
+    def spare_m(self, way_m: float, acceleration_m_s2: float) -> float:
+        """Return by how much the level part is longer than getting from the one speed to the other needs."""
         pick, place = self.speed_m_s
         needed = abs(pick**2 - place**2) / (2 * acceleration_m_s2)
-        return self.level_m(way_m, acceleration_m_s2) >= max(needed, LEAST_LEVEL_SHARE * way_m)
+        return self.level_m(way_m, acceleration_m_s2) - max(needed, LEAST_LEVEL_SHARE * way_m)
 
 
 def plan_pick_and_place(move: Move) -> Trajectory:
@@ -109,10 +113,12 @@ def _widest_corners(move: Move, way_m: float) -> _Corners:
     """Return the fastest blends that leave room for the way between them."""
     a = move.max_acceleration_m_s2
     corners = _Corners.of(move, a, velocity_limit(move))
-    if corners.fit(way_m, a):
+    if corners.spare_m(way_m, a) >= 0:
         return corners
-    slow, fast = 0.0, max(corners.speed_m_s)
-    for _ in range(60):
-        speed = (slow + fast) / 2
-        slow, fast = (speed, fast) if _Corners.of(move, a, speed).fit(way_m, a) else (slow, speed)
-    return _Corners.of(move, a, slow)
+
+    def spare_m(square: float) -> float:
+        return _Corners.of(move, a, math.sqrt(square)).spare_m(way_m, a)
+
+    # What is spared falls with the square of the speed, in straight pieces.
+    widest = float(brentq(spare_m, 0.0, max(corners.speed_m_s) ** 2, xtol=1e-15))
+    return _Corners.of(move, a, math.sqrt(widest * INSIDE))

@@ -2,10 +2,8 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import reduce
 
 import numpy as np
-from scipy.special import comb
 
 from tagsway.errors import InputError
 from tagsway.model import FloatArray, Shaper, Trajectory
@@ -32,23 +30,18 @@ def join_phases(start_m: Sequence[float], phases: Iterable[tuple[float, FloatArr
     Trajectory
         Of degree 2.
     """
-    position, velocity = np.array(start_m, dtype=float), np.zeros(3)
-    pieces: list[FloatArray] = []
-    durations: list[float] = []
-    for duration, acceleration in phases:
-        if not duration > SHORTEST_PIECE_S:
-            continue
-        pieces.append(np.stack([position, velocity, acceleration / 2]))
-        durations.append(duration)
-        position = position + velocity * duration + acceleration / 2 * duration**2
-        velocity = velocity + acceleration * duration
-    breaks = np.cumsum([0.0, *durations])
-    if not pieces or not math.isfinite(breaks[-1]) or not np.all(np.diff(breaks) > 0):
+    kept = [phase for phase in phases if phase[0] > SHORTEST_PIECE_S]
+    duration, acceleration = np.array([d for d, _ in kept])[:, None], np.array([a for _, a in kept]).reshape(-1, 3)
+    breaks = np.concatenate([[0.0], np.cumsum(duration)])
+    velocity = np.cumsum(np.concatenate([np.zeros((1, 3)), acceleration * duration]), axis=0)[:-1]
+    ways = velocity * duration + acceleration / 2 * duration**2
+    position = np.cumsum(np.concatenate([np.array([start_m]), ways]), axis=0)[:-1]
+    if not kept or not math.isfinite(breaks[-1]) or not np.all(np.diff(breaks) > 0):
         raise InputError(
             "a move whose phases take no time, or endless time, cannot be planned: "
             "check from_m, to_m, max_acceleration_m_s2 and max_velocity_m_s"
         )
-    return Trajectory(breaks_s=breaks, coefficients=np.stack(pieces))
+    return Trajectory(breaks_s=breaks, coefficients=np.stack([position, velocity, acceleration / 2], axis=1))
 
 
 def unite_breaks(*breaks_s: FloatArray) -> FloatArray:
@@ -59,8 +52,8 @@ def unite_breaks(*breaks_s: FloatArray) -> FloatArray:
     return np.concatenate([every[:1], kept, every[-1:]])
 
 
-def cut(trajectory: Trajectory, breaks_s: FloatArray, *, delay_s: float = 0.0) -> FloatArray:
-    """Return the coefficients of a delayed trajectory between new breaks.
+def cut(trajectory: Trajectory, breaks_s: FloatArray, *, delay_s: FloatArray | float = 0.0) -> FloatArray:
+    """Return the coefficients of a delayed trajectory, or of several, between new breaks.
 
     Parameters
     ----------
@@ -68,22 +61,21 @@ def cut(trajectory: Trajectory, breaks_s: FloatArray, *, delay_s: float = 0.0) -
         At rest before its start and after its end.
     breaks_s : ndarray, shape (k + 1,)
         New breaks; none of the delayed trajectory's own breaks lies strictly between two of them.
-    delay_s : float
+    delay_s : ndarray, shape (...), or float
         By which it is late.
 
     Returns
     -------
-    ndarray, shape (k, order + 1, 3)
+    ndarray, shape (..., k, order + 1, 3)
         Of rising powers of (t - breaks_s[i]).
     """
-    start = breaks_s[:-1] - delay_s
+    start = breaks_s[:-1] - np.asarray(delay_s)[..., None]
     middle = start + np.diff(breaks_s) / 2
-    piece = np.searchsorted(trajectory.breaks_s, middle, side="right") - 1
-    last = len(trajectory.breaks_s) - 2
-    inside = np.clip(piece, 0, last)
-    coefficients = _move_origin(trajectory.coefficients[inside], start - trajectory.breaks_s[inside])
-    coefficients[piece < 0] = _rest(trajectory, 0.0)
-    coefficients[piece > last] = _rest(trajectory, trajectory.duration_s)
+    piece = np.searchsorted(trajectory.breaks_s[1:-1], middle, side="right")
+    coefficients = _move_origin(trajectory.coefficients[piece], start - trajectory.breaks_s[piece])
+    for outside, time in ((middle < 0, 0.0), (middle > trajectory.duration_s, trajectory.duration_s)):
+        if outside.any():
+            coefficients[outside] = _rest(trajectory, time)
     return coefficients
 
 
@@ -122,8 +114,8 @@ def stretch(trajectory: Trajectory, factor: float) -> Trajectory:
 def convolve(trajectory: Trajectory, time_s: FloatArray, amplitude: FloatArray) -> Trajectory:
     """Return Σ A_i x(t - t_i), for amplitudes that sum to 1."""
     breaks = unite_breaks(*(trajectory.breaks_s + delay for delay in time_s))
-    shares = (a * cut(trajectory, breaks, delay_s=delay) for delay, a in zip(time_s, amplitude, strict=True))
-    return Trajectory(breaks_s=breaks, coefficients=reduce(np.add, shares))
+    shares = cut(trajectory, breaks, delay_s=time_s)
+    return Trajectory(breaks_s=breaks, coefficients=np.tensordot(amplitude, shares, axes=1))
 
 
 def average(trajectory: Trajectory, box_s: float) -> Trajectory:
@@ -158,12 +150,12 @@ def slopes(trajectory: Trajectory, order: int) -> FloatArray:
 
 
 def _move_origin(coefficients: FloatArray, offset_s: FloatArray) -> FloatArray:
-    """Return p(u + offset) as coefficients of u, for each piece: Σ_p C(p, m) offset^(p - m) c_p."""
-    power = np.arange(coefficients.shape[1])
-    rise = power - power[:, None]
-    binomial = np.where(rise >= 0, comb(power, power[:, None]), 0.0)
-    matrix = binomial * offset_s[:, None, None] ** np.maximum(rise, 0)
-    moved: FloatArray = matrix @ coefficients
+    """Return p(u + offset) as coefficients of u, for each piece: Horner's rule, once for each coefficient."""
+    moved, offset = coefficients.copy(), offset_s[..., None]
+    degree = moved.shape[-2] - 1
+    for settled in range(degree):
+        for power in range(degree - 1, settled - 1, -1):
+            moved[..., power, :] += offset * moved[..., power + 1, :]
     return moved
 
 
