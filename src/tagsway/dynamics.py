@@ -21,7 +21,7 @@ from typing import Self
 
 import numpy as np
 
-from tagsway.marching import load_march, load_step_each
+from tagsway.marching import load_march, load_march_carried, load_step_each
 from tagsway.model import GRAVITY_M_S2, FloatArray, Pendulum
 
 STICTION_RATE_RAD_S = 1e-3
@@ -173,22 +173,7 @@ def simulate_carried(
     push *= body.gain
     square = body.angular_frequency_rad_s**2
     damping = 2 * body.damping_ratio * body.angular_frequency_rad_s
-    y, p = np.zeros(q.shape[1]), push[0].copy()
-    places, momenta = np.empty_like(q), np.empty_like(q)
-    places[0], momenta[0] = y, p
-    for i, h in enumerate(step.tolist()):
-        start, halfway, end = push[2 * i], push[2 * i + 1], push[2 * i + 2]
-        y1 = p - start
-        p1 = -damping * y1 - square * y
-        y2 = p + h / 2 * p1 - halfway
-        p2 = -damping * y2 - square * (y + h / 2 * y1)
-        y3 = p + h / 2 * p2 - halfway
-        p3 = -damping * y3 - square * (y + h / 2 * y2)
-        y4 = p + h * p3 - end
-        p4 = -damping * y4 - square * (y + h * y3)
-        y = y + h / 6 * (y1 + 2 * (y2 + y3) + y4)
-        p = p + h / 6 * (p1 + 2 * (p2 + p3) + p4)
-        places[i + 1], momenta[i + 1] = y, p
+    places, momenta = load_march_carried()(push, step, square, damping)
     return places, momenta - push[::2]
 
 

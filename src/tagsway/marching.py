@@ -1,6 +1,6 @@
-"""Runge's and Kutta's classical rule for the pendulum in momentum form, compiled: a fit takes it a million times.
+"""Runge's and Kutta's classical rule in momentum form, compiled: a fit takes it a million times.
 
-The equation is that of `tagsway.dynamics`. Constants are an array of shape (6, m): l, g/l, k/J, b/J, drag and friction;
+The equations are those of `tagsway.dynamics`. Constants are an array of shape (6, m): l, g/l, k/J, b/J, drag and friction;
 whatever has one column serves all m.
 """
 
@@ -84,6 +84,30 @@ def _step_each(states, velocity, step, constants, stiction):
     return ends
 
 
+def _march_carried(push, steps, square, damping):
+    n, m = len(steps) + 1, push.shape[1]
+    states = np.empty((2, n, m))
+    for member in range(m):
+        states[0, 0, member], states[1, 0, member] = 0.0, push[0, member]
+    for i in range(n - 1):
+        step, half = steps[i], steps[i] / 2
+        for member in range(m):
+            k, b = square[member], damping[member]
+            y, p = states[0, i, member], states[1, i, member]
+            start, middle, end = push[2 * i, member], push[2 * i + 1, member], push[2 * i + 2, member]
+            y1 = p - start
+            p1 = -b * y1 - k * y
+            y2 = p + half * p1 - middle
+            p2 = -b * y2 - k * (y + half * y1)
+            y3 = p + half * p2 - middle
+            p3 = -b * y3 - k * (y + half * y2)
+            y4 = p + step * p3 - end
+            p4 = -b * y4 - k * (y + step * y3)
+            states[0, i + 1, member] = y + step / 6 * (y1 + 2 * (y2 + y3) + y4)
+            states[1, i + 1, member] = p + step / 6 * (p1 + 2 * (p2 + p3) + p4)
+    return states
+
+
 def _array(dimensions: int) -> types.Array:
     return types.Array(types.float64, dimensions, "A", readonly=True)
 
@@ -114,3 +138,16 @@ def load_step_each() -> Callable[..., FloatArray]:
         shape (2, n, m).
     """
     return compile_whole(_step_each, (_array(3), _array(4), types.float64, _array(2), types.float64))
+
+
+@cache
+def load_march_carried() -> Callable[..., FloatArray]:
+    """Return the compiled function that follows m light bodies from rest, each carried by a pendulum.
+
+    Returns
+    -------
+    callable
+        Takes what drives them, gain (X + R sin q)' at the nodes and half-way between them, shape (2 n - 1, m); the
+        steps, shape (n - 1,); ω_n² and 2 ζ ω_n, each of shape (m,). Returns y and p at all nodes, shape (2, n, m).
+    """
+    return compile_whole(_march_carried, (_array(2), _array(1), _array(1), _array(1)))

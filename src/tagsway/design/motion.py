@@ -179,7 +179,7 @@ def product_acceleration(swing: Swing, pivot_m_s2: FloatArray, payloads: Payload
     ----------
     swing : Swing
         Of each payload, the whole row of payloads repeated, at n nodes.
-    pivot_m_s2 : ndarray, shape (n, 2) or (n, 2, m copies)
+    pivot_m_s2 : ndarray, shape (n, 2) or (..., n, 2, m copies or 1)
         X'' and Z''.
     payloads : Payloads
         m of them.
@@ -188,14 +188,14 @@ def product_acceleration(swing: Swing, pivot_m_s2: FloatArray, payloads: Payload
 
     Returns
     -------
-    ndarray, shape (n, m copies)
+    ndarray, shape (..., n, m copies)
         X'' + r (q'' cos q - q'² sin q), with q'' from the equation of motion, and y'' of each further body.
     """
     ensemble = _tile(payloads.ensemble, copies)
     radius = np.tile(payloads.tag_radius_m, copies)
     q, rate = swing.angle_rad, swing.rate_rad_s
-    push = pivot_m_s2 if pivot_m_s2.ndim == 3 else pivot_m_s2[:, :, None]
-    x, z = push[:, 0], push[:, 1]
+    push = pivot_m_s2[:, :, None] if pivot_m_s2.ndim == 2 else pivot_m_s2
+    x, z = push[..., 0, :], push[..., 1, :]
     sine, cosine = np.sin(q), np.cos(q)
     turn = -(
         ensemble.damping_over_inertia_rad_s * rate
@@ -221,14 +221,14 @@ def longest_step_s(payloads: Payloads) -> float:
 
 
 def _judge(swing: Swing, trajectory: Trajectory, way: FloatArray, time_s: FloatArray, payloads: Payloads) -> Outcome:
-    sides = [_in_plane(trajectory(time_s + side, 2), way) for side in (-SIDE_S, SIDE_S)]
-    peaks = [np.abs(product_acceleration(swing, side, payloads)).max(axis=0) for side in sides]
+    sides = np.stack([_in_plane(trajectory(time_s + side, 2), way) for side in (-SIDE_S, SIDE_S)])
+    acceleration = product_acceleration(swing, sides[..., None], payloads)
     sway = product_sway(swing, payloads)
     left = (_in_plane(trajectory(time_s), way) - _in_plane(trajectory(trajectory.duration_s)[None], way))[..., None]
     lifted = payloads.tag_radius_m * (1 - np.cos(swing.angle_rad))
     return Outcome(
         placement_m=np.abs(sway[time_s >= trajectory.duration_s]).max(axis=0),
-        pcp_acceleration_m_s2=np.maximum(*peaks),
+        pcp_acceleration_m_s2=np.abs(acceleration).max(axis=(0, 1)),
         swing_rad=np.abs(swing.angle_rad).max(axis=0),
         box_error_m=find_box_error(left[:, 1], left[:, 1] + lifted, np.abs(left[:, 0] + sway)),
     )
