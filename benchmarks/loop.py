@@ -3,8 +3,10 @@
     python benchmarks/loop.py [--scenes 20] [--first 0]
 
 Each scene has drag, a second body and a sway out of the plane that the design does not know. Promised: the product
-within the placement window for 95 % of the payloads of the stated spread. Seen is what the second film shows after the
-move, true what its scene did. Ends with 1 where more than two break it beyond what was promised.
+within the placement window for 95 % of the payloads of the stated spread. Seen is what identify says of the second
+film, with the standard error of a place there; filmed is the same of the true images of the tag's centre, which a sway
+towards the camera shifts; true is what the product did. Ends with 1 where more than two break it beyond what was
+promised.
 """
 
 import argparse
@@ -16,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from closed_loop import SPREAD_PERCENT, WINDOW_MM, close_loop, loop_scene
+from closed_loop import HEADING, SPREAD_PERCENT, WINDOW_MM, close_loop, loop_scene
 
 
 def main() -> int:
@@ -26,24 +28,18 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0)
     options = parser.parse_args()
     print(f"promised: within {WINDOW_MM:g} mm, f_n ± {SPREAD_PERCENT:g} %")
-    print(f"{'scene':>5} {'design':<14}{'time s':>7}{'promised':>10}{'worst mm':>9}{'seen mm':>9}{'true mm':>9}")
+    print(f"{'scene':>5} {HEADING}")
     loops = []
     for index in range(options.first, options.first + options.scenes):
         with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
-            loop = close_loop(loop_scene(index), Path(folder))
-        loops.append(loop)
-        chosen = loop.chosen
-        name = f"{chosen['name']} {','.join(chosen['shaped_axes'])}"
-        print(
-            f"{index:>5} {name:<14}{chosen['motion_time_s']:>7.3f}{100 * chosen['share_kept']:>8.1f} %"
-            f"{chosen['worst_placement_mm']:>9.2f}{loop.seen_mm:>9.2f}{loop.true_mm:>9.2f}",
-            flush=True,
-        )
-    kept = sum(max(loop.seen_mm, loop.true_mm) <= loop.promised_mm for loop in loops)
+            loops.append(close_loop(loop_scene(index), Path(folder)))
+        print(f"{index:>5} {loops[-1].words}", flush=True)
+    kept = sum(max(loop.seen_mm, loop.true_mm) <= WINDOW_MM for loop in loops)
     promised = sum(loop.chosen["share_kept"] for loop in loops)
-    apart = [loop.seen_mm - loop.true_mm for loop in loops]
     print(f"kept by {kept} of {len(loops)}, promised for {promised:.1f}")
-    print(f"seen - true: {min(apart):.2f} to {max(apart):.2f} mm")
+    for name, against in (("filmed", "filmed_mm"), ("true", "true_mm")):
+        apart = [loop.seen_mm - getattr(loop, against) for loop in loops]
+        print(f"seen - {name}: {min(apart):.3f} to {max(apart):.3f} mm")
     return 0 if kept >= promised - 2 else 1
 
 

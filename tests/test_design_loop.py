@@ -6,7 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from closed_loop import MOVE, WINDOW_MM, close_loop, film, from_rest, loop_scene, with_trajectory
+from closed_loop import (
+    MOVE,
+    WINDOW_MM,
+    close_loop,
+    design_for,
+    film,
+    film_design,
+    from_rest,
+    loop_scene,
+    with_trajectory,
+)
 from tagsway.cli.app import run
 from tagsway.design import PriorPayload, ResidualRecord, retune_shaper
 from tagsway.design.motion import find_way
@@ -194,13 +204,27 @@ def test_what_cannot_be_retuned_is_refused() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", [0, 1])
-def test_a_second_video_sees_what_the_design_promised(index, tmp_path, capsys) -> None:
+@pytest.mark.parametrize("index", range(20))
+def test_a_second_video_sees_what_the_design_promised(index, tmp_path) -> None:
     loop = close_loop(loop_scene(index), tmp_path)
     assert loop.chosen["share_kept"] >= 0.95
-    assert loop.seen_mm <= WINDOW_MM + 4 * loop.noise_mm
-    # Tags of 15 pixels and a sway out of the plane, which the camera sees as one in it: 0.15 mm of bias.
-    assert loop.seen_mm == pytest.approx(loop.true_mm, abs=0.15)
+    assert loop.seen_mm <= WINDOW_MM
+    assert loop.true_mm <= WINDOW_MM
+    # Statistics: four of the errors that its track.csv states.
+    assert loop.seen_mm == pytest.approx(loop.filmed_mm, abs=4 * loop.stated_mm)
+    # What one camera cannot tell: 1.6 mm nearer than 1.5 m, and 140 mm beside the picture's middle, are 0.15 mm there.
+    assert loop.filmed_mm == pytest.approx(loop.true_mm, abs=0.15)
+
+
+@pytest.mark.slow
+def test_a_second_video_tells_a_design_for_another_payload(tmp_path) -> None:
+    scene = loop_scene(0)
+    wrong = ["--frequency", f"{1.2 * scene.payload.natural_frequency_hz:.4f}", "--damping", "0.03", "--length", "50"]
+    design_for(wrong, tmp_path, kinds=("zv",))
+    loop = film_design(scene, tmp_path)
+    assert loop.chosen["share_kept"] >= 0.95
+    assert loop.seen_mm > 1.5 * WINDOW_MM
+    assert loop.seen_mm == pytest.approx(loop.filmed_mm, abs=4 * loop.stated_mm)
 
 
 @pytest.mark.slow

@@ -241,17 +241,34 @@ def simulate_planned(
     The classical fourth-order Runge-Kutta rule. Not for a measured path, whose acceleration is mostly noise: use
     `simulate_sway`.
     """
-    n, moves = time_s.shape
-    m = len(ensemble.length_m)
-    bodies = 1 if second is None else 2
+    accelerate = _accelerate_of(ensemble) if second is None else _accelerate_both(ensemble, second)
+    rest = np.zeros((1 if second is None else 2, time_s.shape[1], len(ensemble.length_m)))
+    places, rates, bends = _march_planned(accelerate, rest, time_s, pivot_m_s2)
+    none = np.broadcast_to(0.0, places[:, 0].shape)
+    return PlannedSway(
+        angle_rad=places[:, 0],
+        rate_rad_s=rates[:, 0],
+        acceleration_rad_s2=bends[:, 0],
+        second_m=none if second is None else places[:, 1],
+        second_m_s=none if second is None else rates[:, 1],
+        second_m_s2=none if second is None else bends[:, 1],
+    )
+
+
+_Accelerate = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]
+
+
+def _march_planned(
+    accelerate: _Accelerate, rest: FloatArray, time_s: FloatArray, pivot_m_s2: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places, rates and accelerations at the nodes, from rest, each of shape (n, bodies, c, m)."""
     lifted = pivot_m_s2[:, :, 1] + GRAVITY_M_S2
     pull, lean = np.hypot(pivot_m_s2[:, :, 0], lifted), np.arctan2(pivot_m_s2[:, :, 0], lifted)
     push = pivot_m_s2[:, :, 0]
-    accelerate = _accelerate_of(ensemble) if second is None else _accelerate_both(ensemble, second)
-    place, rate = np.zeros((2, bodies, moves, m))
-    places, rates, bends = np.empty((3, n, bodies, moves, m))
+    place, rate = rest, rest
+    places, rates, bends = np.empty((3, len(time_s), *rest.shape))
     steps = np.diff(time_s, axis=0)[:, :, None]
-    for i, h in enumerate(steps if moves > 1 else steps[:, 0, 0].tolist()):
+    for i, h in enumerate(steps if time_s.shape[1] > 1 else steps[:, 0, 0].tolist()):
         start, middle, end = ((pull[i, j, :, None], lean[i, j, :, None], push[i, j, :, None]) for j in range(3))
         half = h / 2
         bend1 = accelerate(place, rate, *start)
@@ -266,18 +283,7 @@ def simulate_planned(
         rate = rate + (h / 6) * (bend1 + 2 * (bend2 + bend3) + bend4)
     last = (pull[-1, 2, :, None], lean[-1, 2, :, None], push[-1, 2, :, None])
     places[-1], rates[-1], bends[-1] = place, rate, accelerate(place, rate, *last)
-    none = np.broadcast_to(0.0, (n, moves, m))
-    return PlannedSway(
-        angle_rad=places[:, 0],
-        rate_rad_s=rates[:, 0],
-        acceleration_rad_s2=bends[:, 0],
-        second_m=none if second is None else places[:, 1],
-        second_m_s=none if second is None else rates[:, 1],
-        second_m_s2=none if second is None else bends[:, 1],
-    )
-
-
-_Accelerate = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]
+    return places, rates, bends
 
 
 def _accelerate_of(ensemble: PendulumEnsemble) -> _Accelerate:

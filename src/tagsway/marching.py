@@ -1,7 +1,7 @@
 """Runge's and Kutta's classical rule in momentum form, compiled: a fit takes it a million times.
 
-The equations are those of `tagsway.dynamics`. Constants are an array of shape (6, m): l, g/l, k/J, b/J, drag and friction;
-whatever has one column serves all m.
+The equations are those of `tagsway.dynamics`. Constants are an array of shape (6, m): l, g/l, k/J, b/J, drag and
+friction; whatever has one column serves all m.
 """
 
 import math

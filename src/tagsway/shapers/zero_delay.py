@@ -90,13 +90,19 @@ def hasten(impulses: Impulses, mode: Mode, move_duration_s: float, *, modified: 
     length = float(impulses.time_s[-1])
     if not (move_duration_s > 0 and math.isfinite(move_duration_s)):
         raise InputError(f"a move's duration must be positive, not {move_duration_s:g} s")
-    if not modified:
-        if not move_duration_s > length:
-            raise InputError(
-                f"zero time delay needs a move longer than its shaper: {move_duration_s:g} s is not more than "
-                f"{length:.6g} s; use a shorter shaper, or mztd"
-            )
-        return Design(impulses=impulses, time_scale=(move_duration_s - length) / move_duration_s)
+    if modified:
+        return _hasten_mode(impulses, mode, move_duration_s)
+    if not move_duration_s > length:
+        raise InputError(
+            f"zero time delay needs a move longer than its shaper: {move_duration_s:g} s is not more than "
+            f"{length:.6g} s; use a shorter shaper, or mztd"
+        )
+    return Design(impulses=impulses, time_scale=(move_duration_s - length) / move_duration_s)
+
+
+def _hasten_mode(impulses: Impulses, mode: Mode, move_duration_s: float) -> Design:
+    """Return the modified version: move, impulses and, by a compensator, the mode are hastened alike."""
+    length = float(impulses.time_s[-1])
     w, zeta = mode.angular_frequency_rad_s, mode.damping_ratio
     pole = w * complex(zeta, math.sqrt(1 - zeta**2))
     if not zeta > 0:
