@@ -63,6 +63,29 @@ def test_two_outliers_hide_each_other_from_grubbs_and_not_from_esd() -> None:
     assert np.flatnonzero(~reject_by_esd(values, most=2).kept).tolist() == [5, 6]
 
 
+def take_off_plainly(values: np.ndarray, most: int) -> np.ndarray:
+    """Rosner's test as it is written: mean and deviation of all that is left, at each step."""
+    left, order, outliers = list(range(len(values))), [], 0
+    for step in range(most):
+        distance = np.abs(values[left] - np.mean(values[left])) / np.std(values[left], ddof=1)
+        passed = distance.max() > grubbs_limit(len(left))
+        order.append(left.pop(int(np.argmax(distance))))
+        outliers = step + 1 if passed else outliers
+    kept = np.ones(len(values), dtype=bool)
+    kept[order[:outliers]] = False
+    return kept
+
+
+@pytest.mark.parametrize("far", [0.0, 1e-3, 1e3, 1e9])
+def test_outliers_of_any_size_are_taken_off_as_by_the_plain_test(far) -> None:
+    rng = np.random.default_rng(0)
+    for n in (5, 20, 60):
+        values = 2.4 + 1e-3 * np.round(rng.normal(size=n), 1)  # some alike
+        values[: n // 6] += far * rng.normal(size=n // 6)
+        most = n // 3
+        np.testing.assert_array_equal(reject_by_esd(values, most=most).kept, take_off_plainly(values, most))
+
+
 @pytest.mark.parametrize("n", range(1, 13))
 def test_three_sigma_is_powerless_up_to_ten(n) -> None:
     values = np.zeros(n)

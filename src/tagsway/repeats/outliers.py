@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from tagsway.errors import InputError
-from tagsway.model import FloatArray, Notice, Rejection
+from tagsway.model import FloatArray, IntArray, Notice, Rejection
 
 LEAST_FOR_TEST = 3
 """Of two values neither is the outlier."""
@@ -134,8 +134,13 @@ def grubbs_limit(n: int, *, level: float = 0.05) -> float:
         raise InputError(f"an outlier cannot be told among {n} values: expected at least {LEAST_FOR_TEST}")
     if not 0 < level < 1:
         raise InputError(f"a level of significance is {level:g}: expected a chance between 0 and 1, such as 0.05")
-    t = float(student_t.isf(level / (2 * n), n - 2))
-    return (n - 1) / math.sqrt(n) * math.sqrt(t**2 / (n - 2 + t**2))
+    return float(_grubbs_limits(np.array([n]), level)[0])
+
+
+def _grubbs_limits(n: IntArray, level: float) -> FloatArray:
+    t: FloatArray = np.asarray(student_t.isf(level / (2 * n), n - 2))
+    limits: FloatArray = (n - 1) / np.sqrt(n) * np.sqrt(t**2 / (n - 2 + t**2))
+    return limits
 
 
 def _reject(values: FloatArray, *, most: int | None, level: float) -> Rejection:
@@ -149,17 +154,43 @@ def _reject(values: FloatArray, *, most: int | None, level: float) -> Rejection:
         most = 1 if n < LEAST_FOR_SEVERAL else n // 5
     if not 1 <= most <= n - 2:
         raise InputError(f"{most} outliers among {n} values: expected from 1 to {n - 2}")
-    left, order, outliers = list(np.flatnonzero(finite)), [], 0
-    for step in range(most):
-        mean, std = _moments(values[left])
-        if not std > 0:
-            break
-        distance = np.abs(values[left] - mean) / std
-        order.append(left.pop(int(np.argmax(distance))))
-        if float(distance.max()) > grubbs_limit(n - step, level=level):
-            outliers = step + 1
+    order, deviates = _take_off(values, np.flatnonzero(finite), most)
+    passed = np.flatnonzero(deviates > _grubbs_limits(n - np.arange(len(deviates)), level))
+    outliers = int(passed[-1]) + 1 if len(passed) else 0
     kept[order[:outliers]] = False
     return Rejection(method="esd", kept=kept)
+
+
+def _take_off(values: FloatArray, left: IntArray, most: int) -> tuple[IntArray, FloatArray]:
+    """Return the first `most` of the values `left`, farthest first, and how far each was off, in s of those with it.
+
+    Where they are all the same, none is farther than another: then there are fewer.
+    """
+    rising = left[np.argsort(values[left], kind="stable")]
+    falling = left[np.argsort(-values[left], kind="stable")]  # of equal values, the first one from either end
+    ordered = values[rising]
+    low, high, order, deviates = 0, len(left), [], []
+    mean, std = _moments(ordered)
+    squares = fresh = std**2 * (len(left) - 1)
+    for _ in range(most):
+        if not std > 0:
+            break
+        below, above = mean - ordered[low], ordered[high - 1] - mean
+        lowest, highest = rising[low], falling[len(left) - high]
+        is_low = below > above or (below == above and lowest < highest)
+        order.append(lowest if is_low else highest)
+        deviates.append(max(below, above) / std)
+        low, high = (low + 1, high) if is_low else (low, high - 1)
+        many = high - low
+        off = -below if is_low else above
+        squares -= off**2 * (many + 1) / many
+        if squares < fresh / 2:  # what is left is no longer lost in the rounding of what was taken off
+            mean, std = _moments(ordered[low:high])
+            squares = fresh = std**2 * (many - 1)
+        else:
+            mean -= off / many
+            std = math.sqrt(squares / (many - 1))
+    return np.array(order, dtype=int), np.array(deviates)
 
 
 def _checked(values: FloatArray) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
