@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import example_result
 from tagsway.model import Curves, Estimate, Residual, Spread, TrajectoryCurve
-from tagsway.report import figures
+from tagsway.report import figures, style
 from tagsway.report.charts import make_charts
 from tagsway.report.estimators import disagrees, estimator_lines, find_disagreements
 from tagsway.report.figures import (
@@ -58,7 +58,7 @@ def test_a_folder_holds_a_picture_of_each_curve(tmp_path: Path) -> None:
     names = {f"{name}.png" for name in (*PLOTS, "estimators")}
     assert {path.name for path in (tmp_path / "figures").iterdir()} == names
     assert {path.name for path in written} == names
-    assert {f"{name}.png" for name in figures.FIGURES} == names
+    assert {f"{name}.png" for name in style.FIGURES} == names
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
 
 

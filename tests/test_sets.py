@@ -11,7 +11,7 @@ import pytest
 
 from set_files import events, inline, tables, write_decay, write_set
 from tagsway.errors import InputError
-from tagsway.sets.batch import Batch, measure_set, watch_set
+from tagsway.sets.batch import Batch, measure_set
 from tagsway.sets.ledger import open_ledger
 from tagsway.sets.manifest import find_set
 from tagsway.sets.subsets import name_file
@@ -293,24 +293,6 @@ def test_every_move_of_a_clip_is_a_row(tmp_path) -> None:
     np.testing.assert_allclose(table["natural_frequency_hz"], frequency, rtol=5e-3)
     assert table["window_start_s"].is_monotonic_increasing
     assert np.all(np.diff(table["window_start_s"]) == pytest.approx(3.0, abs=0.3))
-
-
-def test_a_watched_folder_s_new_files_are_measured_once_and_not_while_they_grow(tmp_path) -> None:
-    root, out = tmp_path / "set", tmp_path / "out"
-    root.mkdir()
-    whole = write_decay(tmp_path / "whole.csv", frequency_hz=2.0).read_text()
-    looks = iter(range(8))
-
-    def camera() -> bool:
-        look = next(looks, None)
-        if look in (1, 2, 3):  # the file grows while it is watched
-            (root / "new.csv").write_text(whole[: len(whole) * look // 3])
-        return look is not None
-
-    with open_ledger(out) as ledger:
-        watch_set(root, ledger, inline, begin=lambda *_: None, report=lambda _: None, go_on=camera, poll_s=0.01)
-    assert events(out, "started") == ["new.csv"]
-    assert read_measurements(out / "measurements.csv").frequency_hz == pytest.approx([2.0], rel=1e-3)
 
 
 def test_a_subset_s_name_becomes_a_file_s_on_any_system() -> None:

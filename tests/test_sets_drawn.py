@@ -1,12 +1,18 @@
 """What is drawn of a set: nothing twice, and no page that nobody asked for."""
 
+import shutil
 from pathlib import Path
 
 from set_files import events, inline, tables, write_decay, write_set
 from tagsway.cli.app import run as run_command
 from tagsway.sets import batch as batches
+from tagsway.sets.ahead import Ahead
 from tagsway.sets.batch import measure_set
+from tagsway.sets.jobs import Job
 from tagsway.sets.ledger import open_ledger
+from tagsway.sets.manifest import find_set
+from tagsway.sets.subsets import plan_subsets
+from tagsway.sets.tables import tabulate
 
 
 def run(path: Path, out: Path, *, pages: bool | None = None) -> None:
@@ -41,6 +47,34 @@ def test_figures_that_were_lost_or_written_over_are_drawn_again(tmp_path) -> Non
     run(root, out)
     assert tables(out) == before
     (out / "steps" / "drawn.json").write_text('["nothing"]')
+    run(root, out)
+    assert tables(out) == before
+
+
+def test_a_subset_is_drawn_as_soon_as_its_last_file_is_done(tmp_path) -> None:
+    root, out = write_set(tmp_path / "set", {"a": [2.0, 2.1], "b": [2.2]}), tmp_path / "out"
+    run(root, out)
+    items = find_set(root).items
+    with open_ledger(out) as ledger:
+        jobs = [Job(item=item, settings_digest="", out="", pages=False) for item in items]
+        key = plan_subsets(tabulate(items, ledger), items, ledger)[0].key
+        with Ahead(items, jobs, ledger) as ahead:
+            ahead.over(items[0])
+            assert not ahead.has("a")
+            ahead.over(items[1])
+            assert ahead.take("a", "of other measurements") is None
+            drawn = ahead.take("a", key)
+            assert not ahead.has("b")
+    assert drawn is not None
+    assert dict(drawn.pictures)["frequency"] == (out / "figures" / "a-frequency.png").read_bytes()
+
+
+def test_what_was_drawn_before_a_copy_turned_up_is_drawn_again(tmp_path) -> None:
+    root, out = write_set(tmp_path / "set", {"a": [2.0, 2.1], "b": [2.2, 2.3]}), tmp_path / "out"
+    shutil.copy(root / "a" / "r0.csv", root / "b" / "r9.csv")
+    run(root, out)
+    before = tables(out)
+    (out / "steps" / "drawn.json").unlink()
     run(root, out)
     assert tables(out) == before
 

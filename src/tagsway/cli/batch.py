@@ -49,9 +49,10 @@ def batch(
 ) -> None:
     """Measure a whole set: what is missing or changed, each file once."""
     from tagsway.files import check_writable
-    from tagsway.sets.batch import hire, measure_set, watch_set, write_batch
+    from tagsway.sets.batch import hire, measure_set, write_batch
     from tagsway.sets.ledger import open_ledger
     from tagsway.sets.manifest import find_set
+    from tagsway.sets.watching import watch_set
 
     if workers is not None and cluster is not None:
         raise InputError("--workers is of this machine and --cluster of others: give one of them")
@@ -64,7 +65,7 @@ def batch(
     def hired() -> "AbstractContextManager[Crew]":
         return hire(workers or usable_cores(), cluster)
 
-    with open_ledger(folder) as ledger:
+    with open_ledger(folder, remembers=watch) as ledger:
         try:
             with display_set(path.name, shown=not quiet) as (begin, report):
                 if watch:

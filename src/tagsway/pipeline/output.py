@@ -9,9 +9,8 @@ from tagsway.files import write_text
 from tagsway.indicators import find_last_move
 from tagsway.model import Progress, Window
 from tagsway.pipeline.assembling import Measurement
-from tagsway.report.figures import FIGURES, write_figures
-from tagsway.report.overlay import write_overlay
 from tagsway.report.page import render_page
+from tagsway.report.style import FIGURES
 from tagsway.store.documents import RESULT_SCHEMA, dump, read_json, write_result, write_shaper
 from tagsway.store.packing import write_curves
 from tagsway.store.tracks import write_track
@@ -57,6 +56,8 @@ def write_measurement(
     try:
         _write_all(measurement, staging)
         if film is not None and measurement.sightings is not None:
+            from tagsway.report.overlay import write_overlay  # matplotlib, which a set's workers need not load
+
             write_overlay(
                 staging / OVERLAY,
                 film,
@@ -102,6 +103,8 @@ def _write_all(measurement: Measurement, folder: Path) -> None:
             write_text(folder / "trajectory.csv", text)
             write_text(folder / "trajectory.json", dump(description))
     if measurement.has_page:
+        from tagsway.report.figures import write_figures
+
         write_figures(result, measurement.curves, folder / "figures")
         write_text(folder / "report.html", render_page(result, measurement.curves, title=result.source.file))
     write_result(folder / RESULT, result)

@@ -281,21 +281,6 @@ def plot_trajectory(curve: TrajectoryCurve, *, axes: Sequence[Axes] | None = Non
     return figure
 
 
-FIGURES = (
-    "track",
-    "decay",
-    "spectrum",
-    "estimators",
-    "backbone",
-    "excitation",
-    "pendulum",
-    "ridge",
-    "residual",
-    "trajectory",
-)
-"""Names of all that may be drawn."""
-
-
 def write_figures(result: Result, curves: Curves, folder: Path) -> tuple[Path, ...]:
     """Write a PNG for each curve that there is.
 

@@ -7,6 +7,20 @@ import numpy as np
 
 from tagsway.model import Estimate, ExcitationCurve, FloatArray, Result, TrajectoryCurve
 
+FIGURES = (
+    "track",
+    "decay",
+    "spectrum",
+    "estimators",
+    "backbone",
+    "excitation",
+    "pendulum",
+    "ridge",
+    "residual",
+    "trajectory",
+)
+"""Names of all that may be drawn of a measurement."""
+
 SPECTRUM_SPAN = 6
 """How many times f_n a spectrum's axis reaches at first."""
 

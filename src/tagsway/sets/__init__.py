@@ -9,8 +9,10 @@ running   every job once, whatever dies
 tables    from rows to tables, and what is rejected
 effects   what the factors do
 drawing   the shaper and the figures of a subset
+ahead     subsets that are drawn while others are still measured
 subsets   those of all subsets, each drawn where something changed
 output    everything that a set's measurements tell together
 page      report.html
-batch     all of it, once or as a folder is being filled
+batch     all of it
+watching  all of it, again and again, as a folder is being filled
 """

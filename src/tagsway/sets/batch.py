@@ -1,6 +1,5 @@
-"""A set from its files to its tables, once or as it is being filled."""
+"""A set from its files to its tables."""
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -8,18 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tagsway.model import Notice
+from tagsway.sets.ahead import Ahead
 from tagsway.sets.jobs import Job, Outcome
 from tagsway.sets.ledger import Ledger
 from tagsway.sets.manifest import Item, MeasurementSet, find_set
-from tagsway.sets.remote import stamp_of
 from tagsway.sets.running import Runner
 from tagsway.sets.workers import Crew, cluster_crew, local_crew
 
 if TYPE_CHECKING:
     from tagsway.sets.tables import Tables
-
-POLL_S = 2.0
-"""Between two looks into a folder that is being filled: a file that did not change from one to the next is complete."""
 
 MOST_PAGES = 2000
 """Files of a set whose measurements have pages of their own unless it is asked for: as many as its page lists."""
@@ -85,11 +81,9 @@ def measure_set(
     jobs = missing_jobs(found.items, ledger, pages=pages)
     begin(len(found.items), len(found.items) - len(jobs))
     if jobs:
-        with hired() as crew:
-            import tagsway.sets.output  # noqa: F401, loaded while the workers load what they need
-
-            Runner(crew, ledger, report).run(jobs)
-            return write_batch(found, ledger, crew=crew)
+        with hired() as crew, Ahead(found.items, jobs, ledger) as ahead:
+            Runner(crew, ledger, report, over=ahead.over).run(jobs)
+            return write_batch(found, ledger, crew=crew, ahead=ahead)
     return write_batch(found, ledger)
 
 
@@ -109,19 +103,21 @@ def measure_items(
             Runner(crew, ledger, report).run(jobs)
 
 
-def write_batch(found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None) -> Batch:
-    """Write the tables of all that is known of a set, with the workers' help where there are any."""
+def write_batch(
+    found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None, ahead: Ahead | None = None
+) -> Batch:
+    """Write the tables of all that is known of a set, with the workers' help and what was drawn ahead, if any."""
     from tagsway.sets.output import write_set
     from tagsway.sets.tables import tabulate
 
     tables = tabulate(found.items, ledger)
-    told = write_set(tables, found, ledger, crew=crew)
+    told = write_set(tables, found, ledger, crew=crew, ahead=ahead)
     return Batch(tables=tables, effects=told.effects, notices=told.notices)
 
 
 def missing_jobs(items: Sequence[Item], ledger: Ledger, *, pages: bool | None = None) -> list[Job]:
     """Return a job for each file that has no result of its content and settings, may have changed, or lacks a page."""
-    drawn = len(items) <= MOST_PAGES if pages is None else pages
+    drawn = has_pages(len(items), pages)
     jobs = []
     for item in items:
         digest = ledger.settings_digest(item)
@@ -131,54 +127,6 @@ def missing_jobs(items: Sequence[Item], ledger: Ledger, *, pages: bool | None = 
     return jobs
 
 
-def watch_set(
-    path: Path,
-    ledger: Ledger,
-    hired: Callable[[], AbstractContextManager[Crew]],
-    *,
-    begin: Begin,
-    report: Callable[[Outcome], None],
-    pages: bool | None = None,
-    go_on: Callable[[], bool] = lambda: True,
-    poll_s: float = POLL_S,
-) -> None:
-    """Measure each file of a folder that is being filled, once it is complete.
-
-    Parameters
-    ----------
-    path, ledger, hired, begin, report, pages
-        As in `measure_set`; `begin` is called each time something was found.
-    go_on : callable
-        Asked before each look.
-    poll_s : float
-        Between two looks.
-
-    Notes
-    -----
-    A file is complete when neither its size nor its time of change differ between two looks. The tables are written
-    again after each time.
-    """
-    before: dict[str, str | None] = {}
-    tried: dict[str, str | None] = {}
-    with hired() as crew:
-        runner = Runner(crew, ledger, report)
-        while go_on():
-            found = find_set(path, leave_out=ledger.out, may_be_empty=True)
-            stamps = {item.name: stamp_of(item.path) for item in found.items}
-            jobs = missing_jobs(found.items, ledger, pages=pages)
-            ready = [job for job in jobs if _is_complete(job.item, stamps, before, tried)]
-            before = stamps
-            if ready:
-                begin(len(found.items), len(found.items) - len(jobs))
-                runner.run(ready)
-                tried |= {job.item.name: stamps[job.item.name] for job in ready}
-                write_batch(found, ledger, crew=crew)
-            time.sleep(poll_s)
-
-
-def _is_complete(
-    item: Item, stamps: dict[str, str | None], before: dict[str, str | None], tried: dict[str, str | None]
-) -> bool:
-    """Tell whether a file stands as it stood, and has not been tried as it is."""
-    stamp = stamps[item.name]
-    return item.name in before and before[item.name] == stamp and (item.name not in tried or tried[item.name] != stamp)
+def has_pages(files: int, pages: bool | None) -> bool:
+    """Tell whether the measurements of a set of so many files have pages of their own."""
+    return files <= MOST_PAGES if pages is None else pages

@@ -122,7 +122,7 @@ def result_key(sha256: str, digest: str) -> str:
 
 def result_path(out: Path, key: str) -> Path:
     """Return where a result is kept: spread over folders, as a set may be large."""
-    return out / "results" / key[:2] / f"{key}.jsonl"
+    return out / f"results/{key[:2]}/{key}.jsonl"
 
 
 def page_path(out: Path, key: str, ending: str) -> Path:

@@ -43,13 +43,18 @@ class Ledger:
     ----------
     out : Path
         The folder of the results.
+    remembers : bool
+        Each result is read once: for a folder that is being filled, whose tables are written again and again.
     """
 
     out: Path
+    remembers: bool = False
     _digests: dict[str, tuple[str | None, str]] = field(default_factory=dict)
     _named: dict[str, str] = field(default_factory=dict)
     _settings: dict[tuple[Settings, bool], str] = field(default_factory=dict)
     _failures: dict[str, str] = field(default_factory=dict)
+    _read: dict[str, list[tuple[Any, ...]]] = field(default_factory=dict)
+    _columns: dict[tuple[str, ...], tuple[str, ...]] = field(default_factory=dict)
 
     def settings_digest(self, item: Item) -> str:
         """Return the digest of an item's settings; the files that they name are read once.
@@ -106,14 +111,21 @@ class Ledger:
         key = self.result_of(item)
         if key is None:
             return []
-        head = _first_line(result_path(self.out, key))
-        if head is None:
-            return []
-        rows: list[dict[str, Any]] = head["rows"]
+        rows = self._rows_of(key)
         for row in rows:
             row["key"] = key
             if row.get("error"):
                 row["error"] = row["error"].replace(FILE, item.name)
+        return rows
+
+    def _rows_of(self, key: str) -> list[dict[str, Any]]:
+        """Return the rows of a result as they are kept; none where it is damaged."""
+        if key in self._read:
+            return [dict(zip(names, values, strict=True)) for names, *values in self._read[key]]
+        head = _first_line(result_path(self.out, key))
+        rows: list[dict[str, Any]] = [] if head is None else head["rows"]
+        if self.remembers and rows:  # the names once for all rows: a folder may hold a hundred thousand
+            self._read[key] = [(self._columns.setdefault(names := tuple(row), names), *row.values()) for row in rows]
         return rows
 
     def kept(self, item: Item) -> list[dict[str, Any]]:
@@ -140,6 +152,7 @@ class Ledger:
         for ending, html in outcome.pages:
             write_text(page_path(self.out, outcome.key, ending), html)
         path = result_path(self.out, outcome.key)
+        self._read.pop(outcome.key, None)
         if outcome.lines and not path.exists():
             head = {"schema": SCHEMA, **json.loads(outcome.lines[0])}
             text = json.dumps(head, ensure_ascii=False, separators=(",", ":"))
@@ -169,8 +182,8 @@ class Ledger:
 
 
 @contextmanager
-def open_ledger(out: Path) -> Iterator[Ledger]:
-    """Give the ledger of a folder, which nobody else has meanwhile.
+def open_ledger(out: Path, *, remembers: bool = False) -> Iterator[Ledger]:
+    """Give the ledger of a folder, which nobody else has meanwhile; `remembers` as in `Ledger`.
 
     Raises
     ------
@@ -188,7 +201,7 @@ def open_ledger(out: Path) -> Iterator[Ledger]:
         lock.truncate(0)
         lock.write(f"process {os.getpid()} on {socket.gethostname()}")
         lock.flush()
-        ledger = Ledger(out)
+        ledger = Ledger(out, remembers)
         ledger.load()
         try:
             yield ledger
@@ -248,7 +261,7 @@ def _read_lines(path: Path) -> Iterator[dict[str, Any]]:
 
 def _first_line(path: Path) -> dict[str, Any] | None:
     try:
-        with path.open(encoding="utf-8") as file:
+        with path.open("rb") as file:
             head = json.loads(file.readline())
     except (OSError, ValueError):
         return None

@@ -1,6 +1,7 @@
 """What a set consists of: a folder of subsets, a manifest, or one clip with many picks."""
 
 import csv
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -161,7 +162,8 @@ class _Finder:
 
     def from_folders(self, stated: Mapping[str, Any] | None = None) -> Iterator[Item]:
         for file in _walk(self.root, self._leave_out):
-            inside(file, self.root, origin=str(self.root))
+            if file.is_symlink():  # folders that are links are not entered: nothing else leads out
+                inside(file, self.root, origin=str(self.root))
             yield self.item(file, subset=_subset_of(file, self.root), stated=stated or {}, factors={}, origin="")
 
     def from_toml(self, path: Path) -> Iterator[Item]:
@@ -271,15 +273,17 @@ class _Finder:
 
 def _walk(folder: Path, leave_out: Path | None) -> Iterator[Path]:
     """Give the videos and tracks in a folder and those below, sorted; nothing hidden, and no folder of results."""
-    for entry in sorted(folder.iterdir()):
-        if entry.name.startswith(".") or entry.name.endswith(RESULTS) or entry.resolve() == leave_out:
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name)
+    for entry in entries:
+        if entry.name.startswith(".") or entry.name.endswith(RESULTS):
             continue
-        if entry.is_dir() and ((entry / ATTEMPTS).exists() or entry.is_symlink()):
-            continue
-        if entry.is_dir():
-            yield from _walk(entry, leave_out)
-        elif entry.is_file() and entry.suffix.lower() in FILMS | TRACKS:
-            yield entry
+        path = folder / entry.name
+        if entry.is_dir(follow_symlinks=False):
+            if path != leave_out and not (path / ATTEMPTS).exists():
+                yield from _walk(path, leave_out)
+        elif path.suffix.lower() in FILMS | TRACKS and path.is_file():
+            yield path
 
 
 def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor], dict[str, Any]]:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from tagsway.model import FactorModel, Notice
 from tagsway.report.subset import plot_factors, write_figure
+from tagsway.sets.ahead import Ahead
 from tagsway.sets.drawing import recommend_shaper
 from tagsway.sets.effects import factor_values, find_effects
 from tagsway.sets.ledger import Ledger
@@ -38,7 +39,9 @@ class Told:
     notices: tuple[Notice, ...]
 
 
-def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None) -> Told:
+def write_set(
+    tables: Tables, found: MeasurementSet, ledger: Ledger, *, crew: Crew | None = None, ahead: Ahead | None = None
+) -> Told:
     """Write everything that a set's measurements tell together; the same data give the same bytes.
 
     Parameters
@@ -51,13 +54,15 @@ def write_set(tables: Tables, found: MeasurementSet, ledger: Ledger, *, crew: Cr
         Where their results are; its folder is written into.
     crew : Crew, optional
         Who draws; by default this process.
+    ahead : Ahead, optional
+        What was drawn while the set was measured.
 
     Returns
     -------
     Told
     """
     out, kept = ledger.out, tables.kept()
-    finish = begin_subsets(tables, found.items, ledger, crew)  # the workers draw while this process goes on
+    finish = begin_subsets(tables, found.items, ledger, crew, ahead)  # the workers draw while this process goes on
     write_table(out / MEASUREMENTS, tables.measurements)
     write_table(out / SUMMARY, tables.summary)
     shares, effects = share_picks(kept), find_effects(kept)

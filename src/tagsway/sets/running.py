@@ -42,6 +42,8 @@ class Runner:
         Where their outcomes go.
     report : callable
         Called with each outcome.
+    over : callable
+        Called with each file whose outcome is entered.
     work : callable
         What a worker does with a job.
     """
@@ -49,6 +51,7 @@ class Runner:
     crew: Crew
     ledger: Ledger
     report: Report
+    over: Callable[[Item], None] = lambda item: None
     work: Callable[[Job], Outcome] = measure
     _flying: dict["Future[Outcome]", _Flying] = field(default_factory=dict)
     _broken: bool = False
@@ -128,4 +131,5 @@ class Runner:
         self.ledger.note(
             item, event, seconds=round(outcome.seconds, 3), cpu_seconds=round(outcome.cpu_seconds, 3), **details
         )
+        self.over(item)
         self.report(outcome)

@@ -3,18 +3,19 @@
 import hashlib
 import json
 import re
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from tagsway import __version__
 from tagsway.files import whole_file, write_text
 from tagsway.model import FloatArray
+from tagsway.sets.ahead import Ahead
 from tagsway.sets.drawing import DrawnSubset, SubsetTask, draw_subset
 from tagsway.sets.effects import factor_values
 from tagsway.sets.ledger import Ledger
@@ -62,8 +63,63 @@ class SubsetFiles:
         return self.figures if self.shaper is None else (*self.figures, self.shaper)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SubsetPlan:
+    """What is to be drawn of a subset, but for the decays, which are read where it is drawn.
+
+    Parameters
+    ----------
+    bare : SubsetTask
+        Without decays.
+    sources : sequence of (Item, str, tuple of int)
+        Whose decays are drawn: a file, the key of its result, and which of its measurements.
+    """
+
+    bare: SubsetTask
+    sources: Sequence[tuple[Item, str, tuple[int, ...]]]
+
+    @property
+    def key(self) -> str:
+        """A digest of all that the subset's files depend on."""
+        bare = self.bare
+        factors = {name: list(map(str, values)) for name, values in bare.factors.items()}
+        told = [__version__, bare.name, factors, [[key, numbers] for _, key, numbers in self.sources]]
+        digest = hashlib.sha256(json.dumps(told).encode())
+        arrays = [bare.frequency_hz, bare.rejected_hz, bare.few_hz]
+        if bare.measured is not None:
+            arrays += [bare.measured.frequency_hz, bare.measured.damping_ratio]
+            std_hz = bare.measured.frequency_std_hz
+            arrays += [] if std_hz is None else [std_hz]
+        for array in arrays:
+            digest.update(f"{len(array)} ".encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def task(self, ledger: Ledger) -> SubsetTask:
+        """Return what is to be drawn, with the decays: those whose unit is the first one's."""
+        found: list[tuple[FloatArray, FloatArray]] = []
+        unit = self.bare.unit
+        for item, _, numbers in self.sources:
+            for number, kept in enumerate(ledger.kept(item), start=1):
+                decay = kept.get("decay")
+                if decay is None or number not in numbers or len(found) >= MOST_DECAYS:
+                    continue
+                unit = decay["unit"] if not found else unit
+                if decay["unit"] == unit:
+                    found.append((np.asarray(decay["time_s"], dtype=float), np.asarray(decay["sway"], dtype=float)))
+        return replace(self.bare, decays=found, unit=unit)
+
+
+def plan_subsets(tables: Tables, items: Sequence[Item], ledger: Ledger) -> list[SubsetPlan]:
+    """Return what is to be drawn of each subset, in the tables' order; see `begin_subsets`."""
+    of: dict[str, list[Item]] = defaultdict(list)
+    for item in items:
+        of[item.subset].append(item)
+    return [_plan(tables, subset, of[subset], ledger) for subset in tables.subsets]
+
+
 def begin_subsets(
-    tables: Tables, items: Sequence[Item], ledger: Ledger, crew: Crew | None
+    tables: Tables, items: Sequence[Item], ledger: Ledger, crew: Crew | None, ahead: Ahead | None = None
 ) -> Callable[[], list[SubsetFiles]]:
     """Hand the subsets that changed to the workers, and return what waits for them and writes their files.
 
@@ -76,7 +132,9 @@ def begin_subsets(
     ledger : Ledger
         Where their results are; its folder is written into.
     crew : Crew or None
-        Who draws; None for this process, once it waits.
+        Who draws what is not drawn yet, beside this process; None for this process alone.
+    ahead : Ahead, optional
+        What was drawn already.
 
     Returns
     -------
@@ -84,18 +142,23 @@ def begin_subsets(
         Gives the files of every subset, in the tables' order.
     """
     out = ledger.out
+    if ahead is not None:
+        ahead.stop()
     earlier = _read_drawn(out)
-    tasks = [_task(tables, subset, items, ledger) for subset in tables.subsets]
-    keys = [_key(task) for task in tasks]
-    known = [_known(out, task.name, key, earlier) for task, key in zip(tasks, keys, strict=True)]
-    changed = [task for task, files in zip(tasks, known, strict=True) if files is None]
-    drawing = _begin_to_draw(changed, crew)
+    plans = plan_subsets(tables, items, ledger)
+    keys = [plan.key for plan in plans]
+    known = [_known(out, plan.bare.name, key, earlier) for plan, key in zip(plans, keys, strict=True)]
+    changed = [n for n, files in enumerate(known) if files is None and not (ahead and ahead.has(plans[n].bare.name))]
+    drawing = _begin_to_draw([plans[n].task(ledger) for n in changed], crew)
 
     def finish() -> list[SubsetFiles]:
-        drawn = iter(_end_drawing(drawing, changed, crew))
-        told = [
-            _write(out, task, next(drawn)) if files is None else files for task, files in zip(tasks, known, strict=True)
-        ]
+        drawn = dict(zip(changed, drawing(), strict=True))
+        told = []
+        for n, (plan, key, files) in enumerate(zip(plans, keys, known, strict=True)):
+            if files is None:
+                early = ahead.take(plan.bare.name, key) if ahead and n not in drawn else None
+                files = _write(out, plan.bare.name, drawn.get(n) or early or draw_subset(plan.task(ledger)))
+            told.append(files)
         _write_drawn(out, dict(zip(keys, told, strict=True)))
         return told
 
@@ -110,39 +173,34 @@ def name_file(subset: str) -> str:
     return f"{plain}-{hashlib.sha256(subset.encode()).hexdigest()[:6]}".lstrip("-")
 
 
-def _begin_to_draw(tasks: Sequence[SubsetTask], crew: Crew | None) -> list[Future[DrawnSubset]]:
-    """Hand the subsets to the workers; none is handed over where there are none, or they have died."""
-    if crew is None:
-        return []
-    try:
-        return [crew.executor.submit(draw_subset, task) for task in tasks]
-    except Exception as fault:
-        if not crew.died(fault):
-            raise
-        return []
+def _begin_to_draw(tasks: Sequence[SubsetTask], crew: Crew | None) -> Callable[[], list[DrawnSubset]]:
+    """Hand all subsets but one to the workers, and return what draws the rest: that one, and what none has begun."""
+    drawing: list[Future[DrawnSubset]] = []
+    if crew is not None:
+        try:
+            drawing = [crew.executor.submit(draw_subset, task) for task in tasks[:-1]]
+        except Exception as fault:
+            if not crew.died(fault):
+                raise
+
+    def finish() -> list[DrawnSubset]:
+        own = {
+            number: draw_subset(task)
+            for number, task in reversed(list(enumerate(tasks)))
+            if crew is None or number >= len(drawing) or crew.take_back(drawing[number])
+        }
+        try:
+            return [own[number] if number in own else drawing[number].result() for number in range(len(tasks))]
+        except Exception as fault:
+            if crew is None or not crew.died(fault):
+                raise
+            return [own[number] if number in own else draw_subset(task) for number, task in enumerate(tasks)]
+
+    return finish
 
 
-def _end_drawing(
-    drawing: Sequence[Future[DrawnSubset]], tasks: Sequence[SubsetTask], crew: Crew | None
-) -> list[DrawnSubset]:
-    """Return the subsets as they are drawn: those that no worker has begun, by this process meanwhile."""
-    if crew is None or not drawing:
-        return [draw_subset(task) for task in tasks]
-    own = {
-        number: draw_subset(task)
-        for number, task in reversed(list(enumerate(tasks)))
-        if crew.take_back(drawing[number])
-    }
-    try:
-        return [own[number] if number in own else future.result() for number, future in enumerate(drawing)]
-    except Exception as fault:
-        if not crew.died(fault):
-            raise
-        return [draw_subset(task) for task in tasks]
-
-
-def _write(out: Path, task: SubsetTask, drawn: DrawnSubset) -> SubsetFiles:
-    name = name_file(task.name)
+def _write(out: Path, subset: str, drawn: DrawnSubset) -> SubsetFiles:
+    name = name_file(subset)
     shaper = None
     if drawn.shaper is not None:
         shaper = out / "shapers" / f"{name}.json"
@@ -152,22 +210,7 @@ def _write(out: Path, task: SubsetTask, drawn: DrawnSubset) -> SubsetFiles:
         figures.append(out / "figures" / f"{name}-{what}.png")
         with whole_file(figures[-1]) as part:
             part.write_bytes(png)
-    return SubsetFiles(name=task.name, figures=tuple(figures), shaper=shaper, no_shaper=drawn.no_shaper)
-
-
-def _key(task: SubsetTask) -> str:
-    """Return a digest of all that a subset's files depend on."""
-    measured = task.measured
-    told = [__version__, task.name, task.unit, {name: list(map(str, values)) for name, values in task.factors.items()}]
-    digest = hashlib.sha256(json.dumps(told).encode())
-    arrays = [task.frequency_hz, task.rejected_hz, task.few_hz, *(array for decay in task.decays for array in decay)]
-    if measured is not None:
-        arrays += [measured.frequency_hz, measured.damping_ratio]
-        arrays += [] if measured.frequency_std_hz is None else [measured.frequency_std_hz]
-    for array in arrays:
-        digest.update(f"{len(array)} ".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    return SubsetFiles(name=subset, figures=tuple(figures), shaper=shaper, no_shaper=drawn.no_shaper)
 
 
 def _read_drawn(out: Path) -> dict[str, Any]:
@@ -214,37 +257,22 @@ def _write_drawn(out: Path, subsets: dict[str, SubsetFiles]) -> None:
     write_text(out / DRAWN, json.dumps(entries, indent=1) + "\n")
 
 
-def _task(tables: Tables, subset: str, items: Sequence[Item], ledger: Ledger) -> SubsetTask:
+def _plan(tables: Tables, subset: str, items: Sequence[Item], ledger: Ledger) -> SubsetPlan:
     whole, kept = tables.measurements, tables.kept(subset)
     out = (whole["subset"] == subset) & (whole["rejected_by"] != "")
     few = kept.iloc[:: max(1, len(kept) // MOST_POINTS)]
-    decays, unit = _decays([item for item in items if item.subset == subset], kept, ledger)
-    return SubsetTask(
+    bare = SubsetTask(
         name=subset,
         frequency_hz=kept[FREQUENCY].to_numpy(dtype=float),
         rejected_hz=whole.loc[out, FREQUENCY].dropna().to_numpy(dtype=float),
         measured=modes_of(kept, source=MEASUREMENTS),
         few_hz=few[FREQUENCY].to_numpy(dtype=float),
         factors={name: values for name, values in factor_values(few).items() if few[name].nunique() > 1},
-        decays=decays,
-        unit=unit,
+        decays=(),
+        unit="mm",
     )
-
-
-def _decays(
-    items: Sequence[Item], kept: pd.DataFrame, ledger: Ledger
-) -> tuple[list[tuple[FloatArray, FloatArray]], str]:
-    """Return the decays of some of the measurements that were kept: those whose unit is the first one's."""
-    numbers = kept["pick"].fillna(1).astype(int)
-    wanted = set(zip(kept["file"], numbers, strict=True))
-    found: list[tuple[FloatArray, FloatArray]] = []
-    unit = "mm"
-    for item in items[:: max(1, len(items) // MOST_DECAYS)]:
-        for number, kept_of_it in enumerate(ledger.kept(item), start=1):
-            decay = kept_of_it.get("decay")
-            if decay is None or (item.name, number) not in wanted or len(found) >= MOST_DECAYS:
-                continue
-            unit = decay["unit"] if not found else unit
-            if decay["unit"] == unit:
-                found.append((np.asarray(decay["time_s"], dtype=float), np.asarray(decay["sway"], dtype=float)))
-    return found, unit
+    some = items[:: max(1, len(items) // MOST_DECAYS)]
+    few = kept[kept["file"].isin([item.name for item in some])]
+    numbers = few["pick"].fillna(1).astype(int).groupby(few["file"]).agg(tuple)
+    sources = [(item, ledger.result_of(item) or "", numbers[item.name]) for item in some if item.name in numbers]
+    return SubsetPlan(bare=bare, sources=sources)

@@ -22,8 +22,8 @@ NATIVE_POOLS = (
 )
 """What the libraries below read their number of threads from, as they start."""
 
-LOADED = ("tagsway.sets.measuring", "tagsway.sets.drawing")
-"""What workers need, and take seconds to load."""
+LOADED = ("tagsway.sets.measuring",)
+"""What workers need, and take seconds to load; what they need to draw, they load where they have to."""
 
 FORKED = sys.platform == "linux"
 """Whether one process loads that and is copied for each worker. Elsewhere what it loads may not survive a copy."""

@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 from tagsway.errors import InputError
-from tagsway.video.container import ContainerSource
 from tagsway.video.photron import SUFFIXES, PhotronSource, find_pair
 from tagsway.video.sequence import SequenceSource, find_sequence
 from tagsway.video.source import Source
@@ -36,6 +35,8 @@ def open_source(path: Path | str) -> Source:
         raise InputError(f"{file} does not exist: expected a video file")
     if file.suffix.lower() in SUFFIXES:
         return PhotronSource(file)
+    from tagsway.video.container import ContainerSource  # PyAV, which those who ask for a film's files do not need
+
     return ContainerSource(file)
 
 
