@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from socket import socket
 from urllib.error import URLError
 from urllib.request import urlopen
 
@@ -86,6 +87,43 @@ def test_a_url_that_needs_something_else_says_what_to_install_and_leaves_no_fold
     assert run_command(["batch", str(root), "--out", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err == "error: s3://bucket/a.mp4: Install s3fs to access S3\n"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_url_in_the_place_of_a_set_says_where_it_belongs(capsys) -> None:
+    assert run_command(["batch", "https://127.0.0.1:9/films"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: https://127.0.0.1:9/films is a URL: name the files in a set.toml")
+    assert told.count("\n") == 1
+
+
+def test_a_bucket_is_measured_and_listed_anew(tmp_path, monkeypatch) -> None:
+    pytest.importorskip("s3fs")
+    moto = pytest.importorskip("moto.server")
+    boto3 = pytest.importorskip("boto3")
+    with socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = moto.ThreadedMotoServer("127.0.0.1", port)
+    for name, value in (
+        ("ACCESS_KEY_ID", "x"),
+        ("SECRET_ACCESS_KEY", "x"),
+        ("ENDPOINT_URL", f"http://127.0.0.1:{port}"),
+    ):
+        monkeypatch.setenv(f"AWS_{name}", value)
+    server.start()
+    try:
+        there = write_set(tmp_path / "there", {"a": [2.0, 2.2]}) / "a"
+        bucket = boto3.resource("s3", region_name="us-east-1").create_bucket(Bucket="films")
+        bucket.upload_file(there / "r0.csv", "a/r0.csv")
+        root, out = manifest(tmp_path / "set", "s3://films/**/*.csv"), tmp_path / "out"
+        run(root, out)
+        bucket.upload_file(there / "r1.csv", "a/r1.csv")
+        run(root, out)
+    finally:
+        server.stop()
+    assert read_measurements(out / "measurements.csv").frequency_hz == pytest.approx([2.0, 2.2], rel=1e-3)
+    assert events(out, "finished") == ["s3://films/a/r0.csv", "s3://films/a/r1.csv"]
+    assert len(events(out, "started")) == 2
 
 
 def test_a_server_that_does_not_answer_is_said(tmp_path) -> None:

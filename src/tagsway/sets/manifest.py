@@ -11,7 +11,7 @@ from tagsway.errors import InputError
 from tagsway.files import read_toml
 from tagsway.model import Settings
 from tagsway.sets.options import OPTIONS, inside, make_settings, read_options, unknown_key
-from tagsway.sets.remote import find_remote, is_url
+from tagsway.sets.remote import find_remote, is_url, refuse_url
 
 SET_SCHEMA = "tagsway/set/1"
 MANIFEST, TABLE, INHERITED = "set.toml", "set.csv", "identify.toml"
@@ -117,6 +117,7 @@ def find_set(
     InputError
         Where there is no such set, a key is not known, a path leaves the set, or a file is named twice.
     """
+    refuse_url(path)
     if not path.exists():
         raise InputError(f"{path}: no such set; give a folder, a set.toml, a table of files, or a clip")
     folder = path if path.is_dir() else path.parent

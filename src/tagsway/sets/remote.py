@@ -23,6 +23,15 @@ def is_url(text: str) -> bool:
     return "://" in text
 
 
+def refuse_url(path: Path) -> None:
+    """Raise an InputError for a URL in the place of a set: what is missing for it, or else how a set names it."""
+    kind, _, rest = path.as_posix().partition(":/")
+    if kind in REMOTE and rest and not path.exists():
+        url = f"{kind}://{rest}"  # a path has lost one of the slashes
+        _open(url)
+        raise InputError(f'{url} is a URL: name the files in a set.toml or set.csv, such as file = "{url}/*.mp4"')
+
+
 def find_remote(url: str, *, origin: str) -> list[str]:
     """Return the URLs that a pattern stands for, sorted.
 
@@ -36,6 +45,7 @@ def find_remote(url: str, *, origin: str) -> list[str]:
     fs, path = _open(url)
     if not any(sign in url for sign in "*["):
         return [url]
+    fs.invalidate_cache()  # a folder that is watched is listed again and again
     try:
         found = sorted(fs.unstrip_protocol(name) for name in fs.glob(path))
     except Exception as fault:  # each kind of file system has its own
