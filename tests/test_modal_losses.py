@@ -11,8 +11,9 @@ from scipy.stats import norm, truncnorm
 from pendulum_scenes import FLEXIBLE, Recording, pick_and_place, record
 from tagsway.filters import clean_track
 from tagsway.modal import find_window, identify_modes
-from tagsway.modal.decay import ALPHA, DRAG, FRICTION
-from tagsway.modal.least_squares import DecayFit
+from tagsway.modal.channels import Channel, join_fits
+from tagsway.modal.decay import ALPHA, DRAG, FRICTION, OMEGA
+from tagsway.modal.least_squares import DecayFit, fit_decay
 from tagsway.modal.losses import HiddenLosses, _hold_positive, weigh_losses
 from tagsway.modal.plane import fit_plane
 from tagsway.modal.sway import measure_sway
@@ -82,6 +83,25 @@ def weigh(drag_per_rad: float, seed: int) -> tuple[HiddenLosses, DecayFit]:
     hidden = weigh_losses(plane.samples, plane.fit, curvature=plane.sway.curvature, prior=plane.prior)
     assert hidden is not None
     return hidden, plane.fit
+
+
+def test_an_angle_tells_of_hidden_losses_what_it_tells_of_the_decay() -> None:
+    film = record(FLEXIBLE, pick_and_place(2.0), seed=0, decay_s=1.2)
+    sway = measure_sway(film.track, film.window)
+    begin = sway.time_s - film.window.start_s
+    plane = fit_plane(sway, begin, in_metres=True)
+    # A witness three times as sure as the way itself.
+    sure = replace(plane.samples, value=plane.samples.value - 2 / 3 * plane.fit.residual)
+    second = fit_decay(sure, plane.fit.parameters, plane.fit.terms, scale=plane.fit.scale / 3, prior=plane.prior)
+    alone, both = (
+        weigh_losses(plane.samples, plane.fit, curvature=plane.sway.curvature, prior=plane.prior, other=other)
+        for other in (None, Channel(samples=sure, fit=second))
+    )
+    shrunk = both.sets[:, 2] / alone.sets[:, 2]
+    assert np.all(shrunk < 0.8), "each set's rate should be known better"
+    joined = join_fits(plane.samples, plane.fit, second, prior=plane.prior)
+    # statistics: the losses take of the damping, hardly of the frequency
+    assert abs(both.fit.parameters[OMEGA] / joined.parameters[OMEGA] - 1) < 1e-4
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e200])

@@ -96,7 +96,7 @@ def fit_pieces(sway: Sway, samples: Samples, fit: DecayFit) -> tuple[BackbonePoi
             common=None if samples.common is None else samples.common[first:last],
         )
         p, scale = fit_linear_part(piece, float(fit.parameters[OMEGA]), float(fit.parameters[ALPHA]))
-        local = fit_decay(piece, p, Terms(shape=fit.terms.shape), scale=max(scale, 1e-3 * fit.scale))
+        local = fit_decay(piece, p, Terms(projected=fit.terms.projected), scale=max(scale, 1e-3 * fit.scale))
         value, jacobian = to_modal(local.parameters)
         lasting = find_envelope(piece.time_s, float(local.parameters[ALPHA]), 0.0)[0]
         way = float(np.hypot(local.parameters[COSINE], local.parameters[SINE])) * float(np.mean(lasting))

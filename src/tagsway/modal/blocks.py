@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tagsway.modal.decay import OMEGA, predict
+from tagsway.modal.decay import OMEGA, PLACES, predict
 from tagsway.modal.noise import grid_places
 from tagsway.modal.samples import DecayFit, Samples
 from tagsway.modal.uncertainty import SOFT
@@ -78,4 +78,4 @@ def average_blocks(samples: Samples, fit: DecayFit | None, *, omega: float) -> S
 
 def first_omega(fit: DecayFit) -> float:
     """Return ω_d of the first mode, or of the fastest one that was fitted."""
-    return float(max(fit.parameters[[OMEGA, *range(10, len(fit.parameters), 4)]]))
+    return float(max(fit.parameters[[OMEGA, *range(PLACES, len(fit.parameters), 4)]]))

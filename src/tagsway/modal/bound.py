@@ -53,7 +53,7 @@ def to_modal(p: FloatArray, *, mode: int = 0) -> tuple[FloatArray, FloatArray]:
 
     Parameters
     ----------
-    p : ndarray, shape (10 + 4 k,)
+    p : ndarray, shape (11 + 4 k,)
         Parameters in the order of `tagsway.modal.decay`.
     mode : int
         0 is the first, and so on.
@@ -62,7 +62,7 @@ def to_modal(p: FloatArray, *, mode: int = 0) -> tuple[FloatArray, FloatArray]:
     -------
     value : ndarray, shape (2,)
         f_n in Hz and ζ.
-    jacobian : ndarray, shape (2, 10 + 4 k)
+    jacobian : ndarray, shape (2, 11 + 4 k)
     """
     at = pole_places(mode)
     omega, alpha = p[at]

@@ -1,6 +1,6 @@
 """A second witness of the same vibration: the tag's own rotation."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,10 +17,18 @@ UNLIKELY = 1e-4
 """Probability below which two channels do not show one vibration."""
 
 
-def join_channel(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """A second channel, and the decay of the same terms that was fitted to it alone."""
+
+    samples: Samples
+    fit: DecayFit
+
+
+def fit_channel(
     samples: Samples, fit: DecayFit, other: Samples | None, *, prior: Softening | None
-) -> tuple[DecayFit, tuple[Notice, ...]]:
-    """Return the fit with what a second channel knows of the same pole.
+) -> tuple[Channel | None, tuple[Notice, ...]]:
+    """Fit a second channel of the same vibration.
 
     Parameters
     ----------
@@ -35,27 +43,21 @@ def join_channel(
 
     Returns
     -------
-    DecayFit
-        Of the first channel, at the joint minimum.
+    Channel or None
+        None where it tells little, or something else.
     tuple of Notice
-        Where the channels contradict each other; the first is then kept as it was.
-
-    Notes
-    -----
-    The channels share the poles and what damps or softens them; amplitude, phase, offset and drift are each one's own.
-    Two least squares that share some parameters have their joint minimum where their two quadratic forms add, so the
-    second fit enters the first as a measurement of the shared parameters, with the prior counted once.
+        Where the channels contradict each other; the first is then to be kept as it is.
     """
     if other is None or len(other.value) < 0.5 * len(samples.value):
-        return fit, ()
+        return None, ()
     start = fit_linear_part(other, float(fit.parameters[OMEGA]), float(fit.parameters[ALPHA]))
     first = np.where(np.isin(np.arange(len(fit.parameters)), fit.terms.shared), fit.parameters, 0.0)
     first[[COSINE, SINE, OFFSET]] = start[0][[COSINE, SINE, OFFSET]]
-    # The angle's amplitude is the swing itself.
-    terms = replace(fit.terms, curvature=1.0 if fit.terms.curvature > 0 else 0.0)
+    # The angle's amplitude is the swing itself, whatever of the way is seen.
+    terms = replace(fit.terms, curvature=1.0, square=False, projected=False)
     second = fit_decay(other, first, terms, scale=max(start[1], 1e-12), prior=prior)
     if not amplitude_significance(second) > CLEAR:
-        return fit, ()
+        return None, ()
     shared = fit.terms.shared
     block = np.ix_(shared, shared)
     apart = second.parameters[shared] - fit.parameters[shared]
@@ -71,11 +73,32 @@ def join_channel(
             f"({second.parameters[OMEGA] / (2 * np.pi):.5g} against {fit.parameters[OMEGA] / (2 * np.pi):.5g} Hz): "
             "the payload yaws or has a second body; the position decides",
         )
-        return fit, (notice,)
-    return _add(samples, fit, second, prior), ()
+        return None, (notice,)
+    return Channel(samples=other, fit=second), ()
 
 
-def _add(samples: Samples, fit: DecayFit, second: DecayFit, prior: Softening | None) -> DecayFit:
+def join_fits(samples: Samples, fit: DecayFit, second: DecayFit, *, prior: Softening | None) -> DecayFit:
+    """Return the fit of the first channel at the joint minimum of both.
+
+    Parameters
+    ----------
+    samples : Samples
+        First channel.
+    fit, second : DecayFit
+        Of each channel alone, with the same terms.
+    prior : Softening or None
+        That both fits use.
+
+    Returns
+    -------
+    DecayFit
+
+    Notes
+    -----
+    The channels share the poles and what damps or softens them; amplitude, phase, offset and drift are each one's own.
+    Two least squares that share some parameters have their joint minimum where their two quadratic forms add, so the
+    second fit enters the first as a measurement of the shared parameters, with the prior counted once.
+    """
     shared = fit.terms.shared
     block = np.ix_(shared, shared)
     moved = second.common[shared]

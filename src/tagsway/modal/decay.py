@@ -7,10 +7,10 @@ With E the amplitude over that at t = 0,
     u  = Re w (1 + p σ E² + ...) + Re |Z| (w / |w|)³ (h σ E³ + ...) + drift + v + further modes,      w = Z E e^{iθ}
 
 where σ is the fraction by which the frequency is lower at t = 0 than for a small swing, to first order. The constants
-follow from the action, which decays as e^{-2αt}: p = 1/2 and h = -1/12 for the arc r q, whatever spring helps gravity;
-p = -3/2 and h = -3/4 for the projection r sin q under gravity alone. Drag and friction change the frequency in the
-second order only, by what averaging to that order gives [1]_. v is what the measured motion of the point of suspension
-adds, and each further mode is a linear decay with a pole of its own.
+follow from the action, which decays as e^{-2αt}: p = 1/2 and h = -1/12 for the arc r q, whatever spring helps gravity.
+The projection r sin q takes q0²/8 from p σ and q0²/24 from h σ, which is 2 σ and 2/3 σ under gravity alone. Drag and
+friction change the frequency in the second order only, by what averaging to that order gives [1]_. v is what the
+measured motion of the point of suspension adds, and each further mode is a linear decay with a pole of its own.
 
 References
 ----------
@@ -24,9 +24,9 @@ import numpy as np
 
 from tagsway.model import FloatArray
 
-ARC = (0.5, 1.0426, -0.0207, -1 / 12, -0.268, 0.00516)
-PROJECTION = (-1.5, -0.77, 0.0, -0.75, -0.19, 0.0)
-"""p, with what σ² and σ q0² add in the second order, and h, with the same."""
+ARC = np.array([[0.5, 0.0, 1.0426, -0.0207, 0.0], [-1 / 12, 0.0, -0.268, 0.00516, 0.0]])
+PROJECTION = np.array([[0.5, -1 / 8, 1.0426, -0.1978, 1 / 192], [-1 / 12, -1 / 24, -0.268, -0.0365, 1 / 384]])
+"""What σ, q0², σ², σ q0² and q0⁴ add to the first mode, and to its overtone."""
 
 _NODES = np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5
 """Gauss', of a step: half of its length is the weight of each."""
@@ -37,13 +37,13 @@ STEEPEST = 0.3
 WIDEST = 30.0
 """Relative amplitude, and square of a swing in rad, beyond which nothing is fitted: the expansion ends there."""
 
-OMEGA, ALPHA, COSINE, SINE, OFFSET, SOFTENING, DRAG, SLOPE, FRICTION, GAIN = range(10)
-"""Places of the parameters: rad/s, 1/s, length, length, length, 1, 1/s, length/s, 1/s, 1.
+OMEGA, ALPHA, COSINE, SINE, OFFSET, SOFTENING, DRAG, SLOPE, FRICTION, GAIN, SQUARE = range(11)
+"""Places of the parameters: rad/s, 1/s, length, length, length, 1, 1/s, length/s, 1/s, 1, rad².
 
 Each further mode has four more behind them: rad/s, 1/s, length, length.
 """
 
-PLACES = 10
+PLACES = 11
 """How many parameters a single mode has."""
 
 
@@ -52,7 +52,8 @@ class Terms:
     """What a decay is made of, beside ω_d, α, an amplitude, a phase and an offset.
 
     `curvature` is that of the path, in 1 / length: the swing in radians is the amplitude times it. At 0 it is taken
-    from the softening, as if nothing but gravity pulled.
+    from the softening, as if nothing but gravity pulled, unless its `square` is a parameter of its own: the overtone of
+    a projection tells it.
     """
 
     softening: bool = False
@@ -60,8 +61,9 @@ class Terms:
     slope: bool = False
     friction: bool = False
     driven: bool = False
+    square: bool = False
     further: int = 0
-    shape: tuple[float, ...] = ARC
+    projected: bool = False
     curvature: float = 0.0
 
     @property
@@ -73,6 +75,7 @@ class Terms:
             (self.slope, SLOPE),
             (self.friction, FRICTION),
             (self.driven, GAIN),
+            (self.square, SQUARE),
         )
         single = [OMEGA, ALPHA, COSINE, SINE, OFFSET, *(place for used, place in extra if used)]
         return single + list(range(PLACES, PLACES + 4 * self.further))
@@ -86,6 +89,7 @@ class Terms:
             slope=self.slope or place == SLOPE,
             friction=self.friction or place == FRICTION,
             driven=self.driven or place == GAIN,
+            square=self.square or place == SQUARE,
         )
 
     def without_place(self, place: int) -> Self:
@@ -97,12 +101,13 @@ class Terms:
             slope=self.slope and place != SLOPE,
             friction=self.friction and place != FRICTION,
             driven=self.driven and place != GAIN,
+            square=self.square and place != SQUARE,
         )
 
     @property
     def shared(self) -> list[int]:
         """Places of the free parameters that belong to the vibration, whatever is measured of it."""
-        own = {COSINE, SINE, OFFSET, SLOPE, GAIN}
+        own = {COSINE, SINE, OFFSET, SLOPE, GAIN, SQUARE}
         return [k for k in self.free if k not in own and (k < PLACES or (k - PLACES) % 4 < 2)]
 
 
@@ -162,7 +167,7 @@ def predict(
     ----------
     time_s : ndarray, shape (n,)
         From the start, rising, not negative.
-    p : ndarray, shape (10 + 4 k,)
+    p : ndarray, shape (11 + 4 k,)
         Parameters in the order of this module's places; k further modes.
     terms : Terms
         Its shape; a term that is not used has its parameter at 0.
@@ -172,10 +177,10 @@ def predict(
     Returns
     -------
     value : ndarray, shape (n,)
-    jacobian : ndarray, shape (n, 10 + 4 k)
+    jacobian : ndarray, shape (n, 11 + 4 k)
     """
     jacobian = np.zeros((len(time_s), len(p)))
-    if terms.softening or terms.drag or terms.friction:
+    if terms.softening or terms.drag or terms.friction or terms.square:
         total = _add_swing(time_s, p, terms, jacobian)
     else:
         first, rows = [OMEGA, ALPHA, COSINE, SINE], np.empty((len(time_s), 4))
@@ -209,27 +214,30 @@ def _add_swing(time_s: FloatArray, p: FloatArray, terms: Terms, jacobian: FloatA
     z = complex(p[COSINE], -p[SINE])
     size = max(abs(z), 1e-300)
     turn = np.exp(1j * omega * (time_s - lag[0]))
-    bulge, of_squares, of_angle, overtone, *more = terms.shape
-    bulge_2, overtone_2 = of_squares * soft**2 + of_angle * soft * angle, more[0] * soft**2 + more[1] * soft * angle
+    shape = PROJECTION if terms.projected else ARC
+    (bulge, overtone), (bulge_2, overtone_2) = (
+        shape[:, :2] @ [soft, angle],
+        shape[:, 2:] @ [soft**2, soft * angle, angle**2],
+    )
     square = value**2
     triple = size * (z / size * turn) ** 3
     squares = moving * (drag * square / 20 - friction / 12) / omega
     w = z * value * turn
-    cube = triple * (overtone * soft * value**3 + overtone_2 * value**5 - 1j * squares)
-    along = w * (1 + bulge * soft * square + bulge_2 * square**2) + 3 * cube
-    by_value = (z * turn * (1 + 3 * bulge * soft * square + 5 * bulge_2 * square**2)).real
-    by_value += (
-        triple * (3 * overtone * soft * square + 5 * overtone_2 * square**2 - 0.1j * drag * value / omega)
-    ).real
+    cube = triple * (overtone * value**3 + overtone_2 * value**5 - 1j * squares)
+    along = w * (1 + bulge * square + bulge_2 * square**2) + 3 * cube
+    by_value = (z * turn * (1 + 3 * bulge * square + 5 * bulge_2 * square**2)).real
+    by_value += (triple * (3 * overtone * square + 5 * overtone_2 * square**2 - 0.1j * drag * value / omega)).real
     turned = -along.imag
     jacobian[:, OMEGA] = turned * (time_s - lag[0] + 2 * lag[1]) - triple.imag * squares / omega
     for place, by, late in ((ALPHA, by_alpha, lag[2]), (DRAG, by_drag, lag[3]), (FRICTION, by_friction, lag[4])):
         jacobian[:, place] = by_value * by - turned * omega * late
     jacobian[:, DRAG] += triple.imag * square / (20 * omega)
     jacobian[:, FRICTION] -= triple.imag * moving / (12 * omega)
-    jacobian[:, SOFTENING] = (
-        (bulge + 2 * of_squares * soft * square) * square * w + overtone * value**3 * triple
-    ).real - turned * omega * lag[5]
+    by_size = np.stack([(square * w).real, (value**3 * triple).real, (square**2 * w).real, (value**5 * triple).real])
+    by_soft = [*shape[:, 0], *shape[:, 2:] @ [2 * soft, angle, 0.0]] @ by_size - turned * omega * lag[5]
+    by_angle = [*shape[:, 1], *shape[:, 2:] @ [0.0, soft, 2 * angle]] @ by_size
+    jacobian[:, SOFTENING] = by_soft + (0.0 if terms.curvature > 0 or terms.square else 16 * by_angle)
+    jacobian[:, SQUARE] = by_angle
     by_z = along / z if z else turn * value
     jacobian[:, COSINE] = by_z.real - 2 * cube.real * z.real / size**2
     jacobian[:, SINE] = by_z.imag + 2 * cube.real * z.imag / size**2
@@ -289,6 +297,8 @@ def respond(
 def _swing_size(p: FloatArray, terms: Terms) -> tuple[float, float]:
     """Return σ, kept where the expansion may say something, and q0², the first amplitude's angle squared, in rad²."""
     soft = float(np.clip(p[SOFTENING], -1.0, 1.0))
+    if terms.square:
+        return soft, float(np.clip(p[SQUARE], -WIDEST, WIDEST))
     if terms.curvature > 0:
         return soft, min(terms.curvature**2 * float(p[COSINE] ** 2 + p[SINE] ** 2), WIDEST)
     return soft, 16 * soft

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from tagsway.modal.decay import ALPHA, COSINE, OMEGA, SINE, SOFTENING, predict
+from tagsway.modal.decay import ALPHA, COSINE, OMEGA, PLACES, SINE, SOFTENING, predict
 from tagsway.modal.samples import DecayFit
 from tagsway.modal.sway import Sway, remove_spikes
 from tagsway.model import BoolArray, FloatArray
@@ -310,7 +310,7 @@ def _find_centre(s: FloatArray, v: FloatArray, way: FloatArray, noise: FloatArra
 def _plane_decay(time_s: FloatArray, fit: DecayFit) -> FloatArray:
     """Return w, of which the fit's first mode is the real part, but for its overtones."""
     terms = replace(fit.terms, further=0, slope=False, driven=False)
-    rows = predict(time_s, fit.parameters[:10], terms)[1]
+    rows = predict(time_s, fit.parameters[:PLACES], terms)[1]
     cosine, sine = fit.parameters[[COSINE, SINE]]
     z = complex(cosine, -sine)
     return np.asarray(z * (rows[:, COSINE] + 1j * rows[:, SINE]))

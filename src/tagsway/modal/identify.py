@@ -7,7 +7,7 @@ import numpy as np
 from tagsway.modal.backbone import draw_backbone, fit_pieces, mean_amplitude
 from tagsway.modal.blocks import average_blocks, first_omega
 from tagsway.modal.bound import to_modal
-from tagsway.modal.channels import join_channel
+from tagsway.modal.channels import fit_channel, join_fits
 from tagsway.modal.comparison import compare_estimators, describe_estimators, draw_spectrum
 from tagsway.modal.decay import (
     ALPHA,
@@ -16,6 +16,7 @@ from tagsway.modal.decay import (
     FRICTION,
     OMEGA,
     SINE,
+    SQUARE,
     predict,
 )
 from tagsway.modal.decay import envelope as find_envelope
@@ -104,11 +105,13 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     check_window(window, track.time_s)
     measured = measure_sway(track, window, sway_axis=sway_axis)
     begin = measured.time_s - window.start_s
-    plane = fit_plane(measured, begin, in_metres=track.length_unit == "m")
+    plane = fit_plane(measured, begin, in_metres=track.length_unit == "m", held=track.tcp is not None)
     sway, every, samples, fit, prior = plane.sway, plane.every, plane.samples, plane.fit, plane.prior
-    hidden = weigh_losses(samples, fit, curvature=_swing_per_length(sway, fit, track), prior=prior)
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
-    fit, contradictions = join_channel(samples, fit, _angle_samples(sway, begin, fit), prior=prior)
+    other, contradictions = fit_channel(samples, fit, _angle_samples(sway, begin, fit), prior=prior)
+    curvature = _swing_per_length(sway, fit, track)
+    hidden = weigh_losses(samples, fit, curvature=curvature, prior=prior, other=other)
+    fit = fit if other is None else join_fits(samples, fit, other.fit, prior=prior)
     fit = fit if hidden is None else hidden.decide(fit)
     period = float(2 * np.pi / fit.parameters[OMEGA])
     peaks = find_peaks(samples.time_s, centre(samples, fit), period)
@@ -138,9 +141,12 @@ def _swing_per_length(sway: Sway, fit: DecayFit, track: Track) -> float:
     """Return the path's curvature, at least that of a body which gravity alone holds; 0 where no tool holds one."""
     if track.tcp is None:
         return 0.0
-    if track.length_unit != "m" or not sway.planar:
-        return abs(sway.curvature)
-    return max(abs(sway.curvature), float(fit.parameters[OMEGA]) ** 2 / GRAVITY_M_S2)
+    shown = abs(sway.curvature)
+    if fit.terms.square:
+        shown = max(float(fit.parameters[SQUARE]), 0.0) ** 0.5 / float(np.hypot(*fit.parameters[[COSINE, SINE]]))
+    if track.length_unit != "m" or not (sway.planar or fit.terms.square):
+        return shown
+    return max(shown, float(fit.parameters[OMEGA]) ** 2 / GRAVITY_M_S2)
 
 
 def _angle_samples(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Samples | None:

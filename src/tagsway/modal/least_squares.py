@@ -53,7 +53,7 @@ def fit_linear_part(samples: Samples, omega: float, alpha: float) -> tuple[Float
 
     Returns
     -------
-    parameters : ndarray, shape (10 + 4 k,)
+    parameters : ndarray, shape (11 + 4 k,)
     scale : float
         Median absolute residual, as a standard deviation.
     """
@@ -82,7 +82,7 @@ def solve(
     ----------
     samples : Samples
         What is fitted.
-    start : ndarray, shape (10 + 4 k,)
+    start : ndarray, shape (11 + 4 k,)
         Parameters near the solution.
     terms : Terms
         Which of them are free.
@@ -93,7 +93,7 @@ def solve(
 
     Returns
     -------
-    parameters : ndarray, shape (10 + 4 k,)
+    parameters : ndarray, shape (11 + 4 k,)
     deviance : float
         Twice the cost over the variance.
 

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import t as student_t
 
+from tagsway.modal.channels import Channel, join_fits
 from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING, predict
 from tagsway.modal.samples import DecayFit, Samples, Softening
 from tagsway.modal.uncertainty import SOFT, judge_fit
@@ -92,7 +93,9 @@ class HiddenLosses:
         return replace(plain, covariance=(1 - share) * plain.covariance + share * every, rate_ci95=interval)
 
 
-def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None) -> HiddenLosses | None:
+def weigh_losses(
+    samples: Samples, fit: DecayFit, *, curvature: float, prior: Softening | None, other: Channel | None = None
+) -> HiddenLosses | None:
     """Return the decay with the drag and the dry friction that no test has shown, and how likely they are there.
 
     Parameters
@@ -105,6 +108,8 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         Of the payload's path, in 1 / length: the swing in radians is the amplitude times it; 0 where it is not known.
     prior : Softening or None
         As it was used.
+    other : Channel, optional
+        A second channel of the same vibration.
 
     Returns
     -------
@@ -134,11 +139,43 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
     if not absent or not curvature > 0:
         return None
     loose = _fit_near(samples, fit, absent, prior)
-    block = np.ix_(absent, absent)
-    covariance = loose.covariance[block]
-    if not (np.all(np.isfinite(loose.parameters)) and np.all(np.isfinite(covariance)) and np.all(np.diag(covariance))):
+    if other is not None:
+        loose = join_fits(samples, loose, _fit_near(other.samples, other.fit, absent, prior), prior=prior)
+    std = _find_widths(loose, absent, curvature)
+    return None if std is None else _average_sets(samples, loose, absent, std)
+
+
+def _average_sets(samples: Samples, loose: DecayFit, places: list[int], std: FloatArray) -> HiddenLosses:
+    """Return the mean of all sets of losses at these places, of such widths beforehand, from the fit with all free."""
+    value, covariance = loose.parameters[places] / std, loose.covariance[np.ix_(places, places)] / np.outer(std, std)
+    weights, means, spreads = _weigh_sets(value, covariance, [ODDS[place] for place in places])
+    weight = float(np.sum(weights))
+    mean = weights @ means / weight
+    away = means - mean
+    every = np.einsum("k,kij->ij", weights / weight, spreads + away[:, :, None] * away[:, None, :])
+    # By how much all parameters follow one width of each loss, and what is left unsure of them were the losses known.
+    gain: FloatArray = loose.covariance[:, places] / std @ np.linalg.pinv(covariance, hermitian=True)
+    left = loose.covariance - gain @ covariance @ gain.T
+    parameters = loose.parameters + gain @ (mean - value)
+    of_rate = left[ALPHA, ALPHA] + np.einsum("i,kij,j->k", gain[ALPHA], spreads, gain[ALPHA])
+    rates = parameters[ALPHA] + away @ gain[ALPHA]
+    return HiddenLosses(
+        fit=replace(
+            loose,
+            parameters=parameters,
+            residual=samples.value - predict(samples.time_s, parameters, loose.terms, samples.drive)[0],
+            covariance=left + gain @ every @ gain.T,
+        ),
+        weight=weight,
+        sets=np.column_stack([weights, rates, np.sqrt(np.maximum(of_rate, 1e-300))]),
+    )
+
+
+def _find_widths(fit: DecayFit, places: list[int], curvature: float) -> FloatArray | None:
+    """Return how large these losses may be beforehand; None where the fit to be loosened has lost its way."""
+    p, own = fit.parameters, fit.covariance[np.ix_(places, places)]
+    if not (np.all(np.isfinite(p)) and np.all(np.isfinite(own)) and np.all(np.diag(own))):
         return None
-    p = loose.parameters
     swing_rad, omega = float(np.hypot(p[COSINE], p[SINE])) * curvature, float(p[OMEGA])
     if not (SWINGS_RAD[0] < swing_rad < SWINGS_RAD[1] and omega > 0):
         return None
@@ -146,34 +183,7 @@ def weigh_losses(samples: Samples, fit: DecayFit, *, curvature: float, prior: So
         DRAG: 4 / (3 * np.pi) * DRAG_STD_PER_RAD * omega * swing_rad,
         FRICTION: 2 / np.pi * DEAD_BAND_STD_RAD * omega / swing_rad,
     }
-    std = np.array([width[place] for place in absent])
-    odds = [ODDS[place] for place in absent]
-    weights, means, spreads = _weigh_sets(p[absent] / std, covariance / np.outer(std, std), odds)
-    weight = float(np.sum(weights))
-    mean = weights @ means / weight
-    away = means - mean
-    spread = np.einsum("k,kij->ij", weights / weight, spreads + away[:, :, None] * away[:, None, :])
-    gain: FloatArray = loose.covariance[:, absent] @ np.linalg.pinv(covariance, hermitian=True)
-    parameters = p + gain @ (std * mean - p[absent])
-    left = loose.covariance - gain @ covariance @ gain.T
-    held = replace(
-        loose,
-        parameters=parameters,
-        residual=samples.value - predict(samples.time_s, parameters, loose.terms, samples.drive)[0],
-        covariance=left + gain @ (spread * np.outer(std, std)) @ gain.T,
-    )
-    slope = gain[ALPHA] * std
-    return HiddenLosses(
-        fit=held,
-        weight=weight,
-        sets=np.column_stack(
-            [
-                weights,
-                parameters[ALPHA] + away @ slope,
-                np.sqrt(np.maximum(left[ALPHA, ALPHA] + np.einsum("i,kij,j->k", slope, spreads, slope), 1e-300)),
-            ]
-        ),
-    )
+    return np.array([width[place] for place in places])
 
 
 def _fit_near(samples: Samples, fit: DecayFit, places: list[int], prior: Softening | None) -> DecayFit:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tagsway.modal.bound import pole_places, to_modal
-from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING
+from tagsway.modal.decay import ALPHA, COSINE, DRAG, FRICTION, OMEGA, SINE, SOFTENING, SQUARE
 from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.delta import damping_at, sees
 from tagsway.modal.least_squares import DecayFit, Samples, fit_decay
@@ -170,9 +170,9 @@ def reject_linear(samples: Samples, fit: DecayFit) -> tuple[Notice, ...]:
     """
     if not (sees(fit, DRAG) or sees(fit, FRICTION)):
         return ()
-    terms = replace(fit.terms, softening=False, drag=False, friction=False)
+    terms = replace(fit.terms, softening=False, square=False, drag=False, friction=False)
     start = fit.parameters.copy()
-    start[[DRAG, FRICTION, SOFTENING]] = 0.0
+    start[[DRAG, FRICTION, SOFTENING, SQUARE]] = 0.0
     start[ALPHA] += float(np.sum(fit.parameters[[DRAG, FRICTION]]))
     linear = fit_decay(samples, start, terms, scale=fit.scale)
     if not linear.scale > REJECTED * fit.scale:

@@ -6,7 +6,8 @@ import numpy as np
 
 from tagsway.errors import NotIdentifiableError
 from tagsway.modal.blocks import average_blocks, first_omega
-from tagsway.modal.decay import ARC, COSINE, OMEGA, PLACES, PROJECTION, SINE, SOFTENING, Terms
+from tagsway.modal.decay import COSINE, OMEGA, PLACES, SINE, SOFTENING, SQUARE, Terms
+from tagsway.modal.delta import sees
 from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay
 from tagsway.modal.modes import choose_modes
 from tagsway.modal.precession import Precession, find_precession
@@ -64,7 +65,7 @@ class PlaneFit:
         return (Notice(code="sways_across", message=message),)
 
 
-def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool) -> PlaneFit:
+def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool, held: bool = False) -> PlaneFit:
     """Fit a decay to a sway, without what a sway across the plane adds to it.
 
     Parameters
@@ -75,6 +76,8 @@ def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool) -> PlaneFit:
         Of its samples, from the window's start.
     in_metres : bool
         Whether gravity can be compared with the arc's radius.
+    held : bool
+        Whether a tool was seen to hold what swings: then it is a pendulum, though its arc be not seen.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool) -> PlaneFit:
         Where there is nothing to fit.
     """
     measured, across, every = sway, None, _samples_of(sway, time_s)
-    samples, fit, prior = fit_sway(sway, every, in_metres=in_metres)
+    samples, fit, prior = fit_sway(sway, every, in_metres=in_metres, held=held)
     for _ in range(ROUNDS):
         found = find_precession(measured, time_s, fit)
         if found is None or (across is not None and not found.seen):
@@ -97,7 +100,7 @@ def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool) -> PlaneFit:
             samples = average_blocks(every, fit, omega=first_omega(fit))
             fit = fit_decay(samples, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
             break
-        samples, fit, prior = fit_sway(sway, every, in_metres=in_metres)
+        samples, fit, prior = fit_sway(sway, every, in_metres=in_metres, held=held)
     return PlaneFit(sway=sway, every=every, samples=samples, fit=fit, prior=prior, across=across)
 
 
@@ -114,7 +117,9 @@ def _samples_of(sway: Sway, time_s: FloatArray) -> Samples:
     )
 
 
-def fit_sway(sway: Sway, samples: Samples, *, in_metres: bool) -> tuple[Samples, DecayFit, Softening | None]:
+def fit_sway(
+    sway: Sway, samples: Samples, *, in_metres: bool, held: bool = False
+) -> tuple[Samples, DecayFit, Softening | None]:
     """Fit a decay to a sway, with the softening that its arc implies.
 
     Parameters
@@ -125,6 +130,8 @@ def fit_sway(sway: Sway, samples: Samples, *, in_metres: bool) -> tuple[Samples,
         The same, from the window's start.
     in_metres : bool
         Whether gravity can be compared with the arc's radius.
+    held : bool
+        Whether a tool was seen to hold what swings.
 
     Returns
     -------
@@ -145,61 +152,92 @@ def fit_sway(sway: Sway, samples: Samples, *, in_metres: bool) -> tuple[Samples,
     Over a decay that hardly decays, the frequency at the amplitude seen and the softening cannot be told apart by the
     samples. The arc gives the amplitude as an angle, and so the softening: κ q0² / 16, with κ = g / (r ω_n²), at
     most 1, for the share of gravity in ω_n² were the body a point mass. A real body's is g / (l ω_n²): so it enters as
-    a prior of ±0.2. A straight path has no softening.
+    a prior of ±0.2. A straight path has no softening. Of a single coordinate the overtone tells q0², where it shows;
+    else what hangs from a tool has at most that of a body which gravity alone turns back.
     """
     start = find_start(samples)
     if start is None:
         raise NotIdentifiableError("nothing swings: too few samples of the product, or it does not move")
     p, scale = start
     thin = average_blocks(samples, None, omega=float(p[OMEGA]))
-    fit, prior = _fit_first(sway, thin, p, scale, in_metres=in_metres)
+    fit, prior = _fit_first(sway, thin, p, scale, in_metres=in_metres, held=held)
     if thin is not samples:
         thin = average_blocks(samples, fit, omega=float(fit.parameters[OMEGA]))
         fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
     first = fit
     fit = choose_modes(thin, fit, prior=prior, straight=sway.planar and prior is None)
+    if fit.terms.square:
+        # What else moves hides an overtone until it is fitted along.
+        prior = _find_softening(sway, fit, in_metres=in_metres)
+        fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
     if prior is not None and abs(fit.parameters[SOFTENING] - prior.mean) > CONTRADICTED * prior.std:
-        # A softening that is not the arc's is no pendulum's: nothing is extrapolated with it.
         prior = Softening(mean=prior.mean, std=1e-3 * prior.mean, held=True)
-        p = first.parameters.copy()
-        p[SOFTENING] = prior.mean
-        fit = choose_modes(thin, fit_decay(thin, p, first.terms, scale=first.scale, prior=prior), prior=prior)
-    if not sway.planar and fit.terms.softening:
-        # One coordinate may be a projection or, from an encoder, the angle itself: their overtones differ.
-        arc = fit_decay(thin, fit.parameters[:PLACES], Terms(shape=ARC, softening=True), scale=fit.scale)
-        fit = min(fit, choose_modes(thin, arc), key=_deviation)
+        fit = _hold_softening(thin, first, prior)
+    if not sway.planar and fit.terms.softening and not fit.terms.square:
+        fit = _try_arc(thin, fit)
     if thin is not samples:
         thin = average_blocks(samples, fit, omega=first_omega(fit))
         fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
     return thin, fit, prior
 
 
-def _deviation(fit: DecayFit) -> float:
-    return fit.scale
+def _hold_softening(samples: Samples, first: DecayFit, prior: Softening) -> DecayFit:
+    """Return the fit with a softening held: one that is not the arc's is no pendulum's to extrapolate with."""
+    p = first.parameters.copy()
+    p[SOFTENING] = prior.mean
+    return choose_modes(samples, fit_decay(samples, p, first.terms, scale=first.scale, prior=prior), prior=prior)
+
+
+def _try_arc(samples: Samples, fit: DecayFit) -> DecayFit:
+    """Return the better fit: one coordinate may be a projection or, from an encoder, the angle itself."""
+    arc = choose_modes(samples, fit_decay(samples, fit.parameters[:PLACES], Terms(softening=True), scale=fit.scale))
+    return arc if arc.scale < fit.scale else fit
 
 
 def _fit_first(
-    sway: Sway, samples: Samples, p: FloatArray, scale: float, *, in_metres: bool
+    sway: Sway, samples: Samples, p: FloatArray, scale: float, *, in_metres: bool, held: bool
 ) -> tuple[DecayFit, Softening | None]:
     """Return a single mode, with the softening of its arc and what is known of that."""
-    shape = ARC if sway.planar else PROJECTION
-    fit = fit_decay(samples, p, Terms(shape=shape, curvature=sway.curvature), scale=scale)
-    if not (sway.planar and sway.curvature > 0):
+    fit = fit_decay(samples, p, Terms(projected=not sway.planar, curvature=sway.curvature), scale=scale)
+    if sway.projected:
+        told = fit_decay(samples, fit.parameters, replace(fit.terms, square=True), scale=fit.scale)
+        fit = told if _shows_square(told) or (held and in_metres) else fit
+    if not (sway.curvature > 0 or fit.terms.square):
         return fit, None
-    for _ in range(2):
-        prior = _softening_of_arc(sway, fit, in_metres=in_metres)
+    for _ in range(ROUNDS):
+        prior = _find_softening(sway, fit, in_metres=in_metres)
         first = fit.parameters.copy()
         first[SOFTENING] = first[SOFTENING] or prior.mean
         fit = fit_decay(samples, first, replace(fit.terms, softening=True), scale=fit.scale, prior=prior)
     return fit, prior
 
 
+def _shows_square(fit: DecayFit) -> bool:
+    return bool(fit.parameters[SQUARE] > 0 and sees(fit, SQUARE))
+
+
+def _find_softening(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softening:
+    hides = fit.terms.square and not _shows_square(fit)
+    return _softening_of_weight(fit) if hides else _softening_of_arc(sway, fit, in_metres=in_metres)
+
+
+def _softening_of_weight(fit: DecayFit) -> Softening:
+    """Return what is known of a swing that hides: no more than the overtone allows, nor than gravity alone makes."""
+    p, std = fit.parameters, float(fit.covariance[SQUARE, SQUARE]) ** 0.5
+    of_weight = (float(np.hypot(p[COSINE], p[SINE])) * float(p[OMEGA]) ** 2 / GRAVITY_M_S2) ** 2
+    most = min(of_weight, max(float(p[SQUARE]), 0.0) + 2 * std) / 16
+    return Softening(mean=most / 2, std=most / 2)
+
+
 def _softening_of_arc(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softening:
-    angle = sway.curvature * float(np.hypot(fit.parameters[COSINE], fit.parameters[SINE]))
+    size = float(np.hypot(fit.parameters[COSINE], fit.parameters[SINE]))
+    curvature, arc = sway.curvature, 2 * sway.curvature_std / max(sway.curvature, 1e-300)
+    if fit.terms.square:
+        square = max(float(fit.parameters[SQUARE]), 0.0)
+        curvature, arc = square**0.5 / size, float(fit.covariance[SQUARE, SQUARE]) ** 0.5 / max(square, 1e-300)
     share, spread = GRAVITY_SHARE
     if in_metres:
-        share = min(1.0, GRAVITY_M_S2 * sway.curvature / float(fit.parameters[OMEGA]) ** 2)
+        share = min(1.0, GRAVITY_M_S2 * curvature / float(fit.parameters[OMEGA]) ** 2)
         spread = SHARE_STD
-    arc = 2 * sway.curvature_std / sway.curvature
-    mean = share * angle**2 / 16
+    mean = share * (curvature * size) ** 2 / 16
     return Softening(mean=mean, std=mean * float(np.hypot(spread / share, arc)))

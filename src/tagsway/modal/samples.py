@@ -51,7 +51,7 @@ class DecayFit:
 
     Parameters
     ----------
-    parameters : ndarray, shape (10 + 4 k,)
+    parameters : ndarray, shape (11 + 4 k,)
         In the order of `tagsway.modal.decay`.
     terms : Terms
         Which of them were fitted.
@@ -59,11 +59,11 @@ class DecayFit:
         In the signal's unit.
     scale : float
         Standard deviation of the median sample's noise, spikes left aside.
-    covariance : ndarray, shape (10 + 4 k, 10 + 4 k)
+    covariance : ndarray, shape (11 + 4 k, 11 + 4 k)
         With the residual's colour paid for; zero where nothing was fitted.
-    common : ndarray, shape (10 + 4 k, m)
+    common : ndarray, shape (11 + 4 k, m)
         Of which what errs for all samples together, a codec's drag first: its square is a part of the covariance.
-    bound : ndarray, shape (10 + 4 k, 10 + 4 k)
+    bound : ndarray, shape (11 + 4 k, 11 + 4 k)
         Cramér-Rao bound for white noise of this scale.
     inflation : float
         The residual's power density at ω_d over that of white noise.

@@ -45,6 +45,8 @@ class Sway:
         What one standard error of each thing that errs for all samples together does to the value.
     angular : bool
         Whether the value is an angle in rad: the path's curvature is 1, and nothing is projected.
+    projected : bool
+        Whether it is one coordinate of a place: then its overtone tells how far the path turns.
     axis_rad : float
         Main axis, from x towards z.
     along, across : ndarray, shape (n,)
@@ -78,6 +80,7 @@ class Sway:
     angle_pulled_std: float
     common: FloatArray | None = None
     angular: bool = False
+    projected: bool = False
 
     def chord(self, way: FloatArray) -> FloatArray:
         """Return the displacement along the main axis at these ways along the path, counted from equilibrium."""
@@ -118,7 +121,6 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
         By default the whole record.
     sway_axis : str, optional
         "x", "z" or degrees from x towards z; by default the axis of largest scatter.
-
     arc : bool
         Whether to look for an arc; without, the value is the projection on the axis.
 
@@ -132,75 +134,101 @@ def measure_sway(track: Track, window: Window | None = None, *, sway_axis: str |
     The tag runs on an arc. Where both coordinates show one, the signal is the way along the arc: its spectrum has an
     overtone far below that of the projection r sin q, and its amplitude is not compressed at large angles.
     """
-    points, std, image_std, pulled_std = _relative(track)
-    inside = np.ones(len(track.time_s), dtype=bool)
-    if window is not None:
-        inside = (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
-    points, std, time = points[inside], std[inside], track.time_s[inside]
-    finite = np.isfinite(points)
-    across = points[finite[:, 1], 1]
-    # A source without a second coordinate may hold zeros in its place.
-    planar = bool(len(across) > 0.5 * np.count_nonzero(finite[:, 0]) and np.ptp(across) > 0)
-    if not planar:
-        points = np.column_stack([points[:, 0], np.zeros(len(points))])
-        std = np.column_stack([std[:, 0], np.zeros(len(points))])
-    seen = np.all(np.isfinite(points), axis=1) & np.isfinite(time)
-    points, std, time = points[seen], std[seen], time[seen]
-    kept = np.flatnonzero(inside)[seen]
-    if len(time) == 0:
-        return Sway(
-            time_s=time,
-            value=time,
-            spread=time,
-            stated_std=0,
-            pulled_std=0.0,
-            curvature=0,
-            curvature_std=0,
-            planar=planar,
-            axis_rad=0,
-            along=time,
-            across=time,
-            drive=None,
-            drive_std=0.0,
-            angle_rad=time,
-            angle_std_rad=time,
-            angle_stated_std=0.0,
-            angle_pulled_std=0.0,
-        )
-    clean = np.column_stack([remove_spikes(c) for c in points.T])
-    steady = np.all(clean == points, axis=1)
-    centre, axis = _main_axis(points[steady]) if planar else (np.median(points, axis=0), 0.0)
-    if sway_axis is not None:
-        axis = {"x": 0.0, "z": np.pi / 2}[sway_axis] if sway_axis in ("x", "z") else np.radians(float(sway_axis))
+    places = _find_places(track, window)
+    kept, pcp = places.kept, track.pcp
+    if len(kept) == 0:
+        return _no_sway(planar=places.planar)
+    points = places.points[kept]
+    steady = np.all(np.column_stack([remove_spikes(c) for c in points.T]) == points, axis=1)
+    centre, axis = _main_axis(points[steady]) if places.planar else (np.median(points, axis=0), 0.0)
+    axis = axis if sway_axis is None else _read_axis(sway_axis)
     direction = np.array([np.cos(axis), np.sin(axis)])
     along = (points - centre) @ direction
     across = (points - centre) @ np.array([-direction[1], direction[0]])
-    planar = planar and arc
-    stated = np.hypot(*(std * direction).T)
+    std, image_std, pulled_std = np.hypot(*(places.std * direction).T).T
+    planar = places.planar and arc
     value, curvature, curvature_std = _way_along_arc(along, across, steady) if planar else (along, 0.0, 0.0)
     angular = arc and not planar and track.length_unit == "rad"
-    curvature = 1.0 if angular else curvature
     drive, drive_std = _find_drive(track, kept, direction)
     return Sway(
-        time_s=time,
+        time_s=track.time_s[kept],
         value=value,
-        spread=_spread(stated),
-        stated_std=find_image_noise(np.hypot(*(image_std * direction).T)),
-        pulled_std=_median(np.hypot(*(pulled_std[kept] * direction).T)),
-        curvature=curvature,
+        spread=_spread(std[kept]),
+        stated_std=find_image_noise(image_std),
+        pulled_std=_median(pulled_std[kept]),
+        curvature=1.0 if angular else curvature,
         curvature_std=curvature_std,
         planar=planar or angular,
         angular=angular,
-        axis_rad=float(axis),
+        projected=arc and not planar and track.length_unit in ("m", "px"),
+        axis_rad=axis,
         along=along,
         across=across,
         drive=drive,
         drive_std=drive_std,
-        angle_rad=track.pcp.angle_rad[kept],
-        angle_std_rad=track.pcp.angle_std_rad[kept],
-        angle_stated_std=find_image_noise(track.pcp.angle_std_rad, share=track.pcp.image_share),
-        angle_pulled_std=_median(np.sqrt(1 - track.pcp.image_share) * track.pcp.angle_std_rad[kept]),
+        angle_rad=pcp.angle_rad[kept],
+        angle_std_rad=pcp.angle_std_rad[kept],
+        angle_stated_std=find_image_noise(pcp.angle_std_rad, share=pcp.image_share),
+        angle_pulled_std=_median(np.sqrt(1 - pcp.image_share) * pcp.angle_std_rad[kept]),
     )
+
+
+def _read_axis(text: str) -> float:
+    """Return "x", "z" or degrees from x towards z in rad."""
+    return {"x": 0.0, "z": np.pi / 2}[text] if text in ("x", "z") else float(np.radians(float(text)))
+
+
+def _no_sway(*, planar: bool) -> Sway:
+    none = np.empty(0)
+    return Sway(
+        time_s=none,
+        value=none,
+        spread=none,
+        stated_std=0.0,
+        pulled_std=0.0,
+        curvature=0.0,
+        curvature_std=0.0,
+        planar=planar,
+        axis_rad=0.0,
+        along=none,
+        across=none,
+        drive=None,
+        drive_std=0.0,
+        angle_rad=none,
+        angle_std_rad=none,
+        angle_stated_std=0.0,
+        angle_pulled_std=0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Places:
+    """Where the product is from its tool, shape (n, 2), and which samples count.
+
+    `std` of shape (3, n, 2) holds the standard errors in all, the images' part of them, and a coder's.
+    """
+
+    points: FloatArray
+    std: FloatArray
+    kept: IntArray
+    planar: bool
+
+
+def _find_places(track: Track, window: Window | None) -> _Places:
+    """Return the product's places; a second coordinate that was not seen is 0 and without error."""
+    points, std = _relative(track)
+    inside = np.isfinite(track.time_s)
+    if window is not None:
+        inside &= (track.time_s >= window.start_s - 1e-9) & (track.time_s <= window.end_s + 1e-9)
+    seen = np.isfinite(points[inside])
+    second = points[inside, 1][seen[:, 1]]
+    # A source without a second coordinate may hold zeros in its place.
+    planar = bool(len(second) > 0.5 * np.count_nonzero(seen[:, 0]) and np.ptp(second) > 0)
+    if not planar:
+        points, std = points.copy(), std.copy()
+        points[:, 1] = std[:, :, 1] = 0.0
+    kept = np.flatnonzero(inside & np.all(np.isfinite(points), axis=1))
+    return _Places(points=points, std=std, kept=kept, planar=planar)
 
 
 def _find_drive(track: Track, kept: IntArray, direction: FloatArray) -> tuple[FloatArray | None, float]:
@@ -236,20 +264,18 @@ def remove_spikes(value: FloatArray) -> FloatArray:
     return np.where(away > limit, middle, value)
 
 
-def _relative(track: Track) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return positions from the tool, their standard errors, and what images and coder make of these."""
-    points, (std, image, pulled) = track.pcp.position, _errors(track.pcp)
-    tool = track.tcp
+def _relative(track: Track) -> tuple[FloatArray, FloatArray]:
+    """Return positions from the tool, and their standard errors: all, the images' part of them, and a coder's."""
+    points, std, tool = track.pcp.position, _errors(track.pcp), track.tcp
     if tool is None or np.count_nonzero(np.isfinite(points[:, 0] - tool.position[:, 0])) < 8:
-        return points, std, image, pulled
-    tool_std, tool_image, tool_pulled = _errors(tool)
-    return points - tool.position, np.hypot(std, tool_std), np.hypot(image, tool_image), np.hypot(pulled, tool_pulled)
+        return points, std
+    return points - tool.position, np.hypot(std, _errors(tool))
 
 
-def _errors(tag: TagTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the standard errors of a tag's positions, the images' part of them, and a coder's."""
+def _errors(tag: TagTrack) -> FloatArray:
+    """Return the standard errors of a tag's positions, the images' part of them, and a coder's, shape (3, n, 2)."""
     std, share = tag.position_std, tag.image_share
-    return std, np.sqrt(share) * std, np.sqrt(1 - share) * std
+    return np.stack([std, np.sqrt(share) * std, np.sqrt(1 - share) * std])
 
 
 def _median(std: FloatArray) -> float:

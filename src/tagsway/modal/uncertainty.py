@@ -28,7 +28,7 @@ def judge_fit(
     ----------
     samples : Samples
         What was fitted.
-    p : ndarray, shape (10 + 4 k,)
+    p : ndarray, shape (11 + 4 k,)
         Parameters at the minimum.
     terms : Terms
         Which of them were free.
@@ -53,48 +53,61 @@ def judge_fit(
     what the tracker states of it, are therefore added to the errors; no residual shows them: the fit follows them.
     """
     value, every = predict(samples.time_s, p, terms, samples.drive)
-    free = terms.free
-    residual = samples.value - value
-    rows = every[:, free] / samples.spread[:, None] / scale
-    unit = np.linalg.norm(rows, axis=0)
-    unit[unit == 0] = 1.0
-    rows = rows / unit
+    free, residual, size = terms.free, samples.value - value, len(p)
+    rows, unit = _in_units(every[:, free] / samples.spread[:, None] / scale)
     reduced = residual / samples.spread / scale
     bend = 1 + (reduced / SOFT) ** 2
     place = grid_places(samples.time_s)
     colour = find_colour(reduced / np.sqrt(bend), place, rows)
-    known = np.zeros((len(free), len(free)))
-    if prior is not None and prior.std > 0 and terms.softening:
-        k = free.index(SOFTENING)
-        known[k, k] = (prior.std * unit[k]) ** -2
-    information = rows.T @ rows
-    bread = np.linalg.pinv(float(np.mean(bend**-1.5)) * information + known, rcond=1e-14)
+    known = _known(terms, prior, unit)
+    bread = np.linalg.pinv(float(np.mean(bend**-1.5)) * rows.T @ rows + known, rcond=1e-14)
     meat = colour.meat(rows, place) + known
     if samples.drive is not None and terms.driven:
         meat += _meat_of_drive(samples, p, rows / samples.spread[:, None] / scale)
-    noise = bread @ meat @ bread
-    dragged = _dragged(samples, p, every, scale)
-    common = dragged if samples.common is None else np.column_stack([dragged, samples.common])
-    pulled = bread @ rows.T @ (common / samples.spread[:, None] / scale)
+    pulled = bread @ rows.T @ (_common(samples, p, every, scale) / samples.spread[:, None] / scale)
     turn = float(p[OMEGA]) * _step(samples.time_s, place)
-    whole, size = np.ix_(free, free), len(p)
-    covariance, bound, moved = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, pulled.shape[1]))
-    covariance[whole] = (noise + pulled @ pulled.T) / np.outer(unit, unit)
-    bound[whole] = np.linalg.pinv(information + known, rcond=1e-14) / np.outer(unit, unit)
-    moved[free] = pulled / unit[:, None]
     return DecayFit(
         parameters=p,
         terms=terms,
         residual=residual,
         scale=scale,
-        covariance=covariance,
-        common=moved,
-        bound=bound,
+        covariance=_spread(bread @ meat @ bread + pulled @ pulled.T, unit, terms, size),
+        common=np.eye(size)[:, free] @ (pulled / unit[:, None]),
+        bound=_spread(np.linalg.pinv(rows.T @ rows + known, rcond=1e-14), unit, terms, size),
         inflation=float(colour.density(turn)),
         freedom=max(_independent(colour, len(residual)) - len(free), 1.0),
         error_freedom=max(colour.freedom_at(turn) - len(free), 1.0),
         deviance=deviance,
     )
+
+
+def _in_units(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return columns of length 1, and the lengths that they had."""
+    unit: FloatArray = np.linalg.norm(rows, axis=0)
+    unit[unit == 0] = 1.0
+    return rows / unit, unit
+
+
+def _known(terms: Terms, prior: Softening | None, unit: FloatArray) -> FloatArray:
+    """Return what a prior knows of the free parameters, in their units."""
+    known = np.zeros((len(unit), len(unit)))
+    if prior is not None and prior.std > 0 and terms.softening:
+        k = terms.free.index(SOFTENING)
+        known[k, k] = (prior.std * unit[k]) ** -2
+    return known
+
+
+def _spread(covariance: np.ndarray, unit: FloatArray, terms: Terms, size: int) -> FloatArray:
+    """Return the covariance of all parameters from that of the free ones in their units."""
+    whole = np.zeros((size, size))
+    whole[np.ix_(terms.free, terms.free)] = covariance / np.outer(unit, unit)
+    return whole
+
+
+def _common(samples: Samples, p: FloatArray, jacobian: FloatArray, scale: float) -> FloatArray:
+    """Return what one standard error of each thing that errs for all samples together does to them, a codec's first."""
+    dragged = _dragged(samples, p, jacobian, scale)
+    return dragged if samples.common is None else np.column_stack([dragged, samples.common])
 
 
 def _dragged(samples: Samples, p: FloatArray, jacobian: FloatArray, scale: float) -> FloatArray:

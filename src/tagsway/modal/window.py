@@ -7,7 +7,7 @@ import numpy as np
 
 from tagsway.errors import NotIdentifiableError
 from tagsway.modal.core import Core, average_over, find_core, top_frequencies
-from tagsway.modal.decay import OMEGA, PROJECTION, Terms, predict
+from tagsway.modal.decay import OMEGA, Terms, predict
 from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.least_squares import DecayFit, Samples, extend, fit_decay
 from tagsway.modal.rests import find_rests
@@ -212,7 +212,7 @@ def _fit(samples: Samples) -> DecayFit:
     begun = find_start(samples)
     if begun is None:
         raise NotIdentifiableError("nothing swings: too few samples of the product")
-    return extend(samples, fit_decay(samples, begun[0], Terms(shape=PROJECTION), scale=begun[1]))
+    return extend(samples, fit_decay(samples, begun[0], Terms(projected=True), scale=begun[1]))
 
 
 def _reach_of(fit: DecayFit) -> float:
