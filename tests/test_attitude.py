@@ -1,6 +1,6 @@
 """What the picture's plane does not show: a sway towards the camera, a yaw, a nod, seen by cameras as they are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -147,6 +147,38 @@ def test_a_motion_in_the_plane_raises_no_alarm(name: str) -> None:
             seen.time_s, seen.sway_px, seen.pcp, seen.tcp, focal_px=FOCAL, known=True, principal_px=PRINCIPAL
         )
         assert notice is None, notice
+
+
+def test_a_tool_at_rest_that_a_codec_holds_in_steps_says_nothing_of_the_place() -> None:
+    rng = np.random.default_rng(6)
+    seen = film(CAMERAS["frontal"], seed=6, moves=False)
+    tool = seen.tcp
+    assert tool is not None
+    # Each group of 30 pictures repeats its first, in which the corners lie up to 0.3 px off.
+    steps = np.repeat(0.1 * rng.standard_normal((20, 4, 2)), 30, axis=0)
+    held = replace(tool, corners_px=tool.corners_px[:1] + steps, centre_px=tool.centre_px[:1] + steps.mean(axis=1))
+    found = measure_attitude(seen.pcp, held, focal_px=FOCAL, principal_px=PRINCIPAL)
+    without = measure_attitude(seen.pcp, None, focal_px=FOCAL, principal_px=PRINCIPAL)
+    assert found is not None
+    assert without is not None
+    # identity
+    np.testing.assert_array_equal(found.pitch_rad, without.pitch_rad)
+
+
+def test_a_nod_along_with_it_is_a_second_witness_of_a_doubtful_depth() -> None:
+    clear = film(CAMERAS["frontal"], seed=3, depth_m=0.006)
+    breath = 1 + 0.015 * np.random.default_rng(7).standard_normal((len(clear.time_s), 1, 1))
+    centre = clear.pcp.corners_px.mean(axis=1, keepdims=True)
+    blown = replace(clear.pcp, corners_px=centre + breath * (clear.pcp.corners_px - centre))
+    seen = replace(clear, pcp=blown)
+    found = measure(seen)
+    assert not found.depth.sure
+    assert found.pitch.sure
+    notice = find_depth_sway(
+        seen.time_s, seen.sway_px, seen.pcp, seen.tcp, focal_px=FOCAL, known=True, principal_px=PRINCIPAL
+    )
+    assert notice is not None
+    assert "towards the camera" in notice.message
 
 
 def test_a_yaw_is_found_with_its_angle_and_frequency_and_reported() -> None:

@@ -81,7 +81,7 @@ def test_the_summary_gives_values_with_errors_and_ends_with_the_warnings() -> No
     assert "damping ratio: 0.004020 ± 0.000094" in lines
     assert "length l: 45.85 ± 0.21 mm" in lines
     assert "shaper: ZV, 2 impulses, adds 202.5 ms" in lines
-    assert lines[-1] == f"warning: {result.warnings[-1].message}"
+    assert lines[-1] == f"note: {result.warnings[-1].message}"
 
 
 def test_the_summary_names_no_millimetres_where_there_is_no_scale() -> None:
@@ -94,7 +94,7 @@ def test_the_summary_begins_with_what_happened_to_the_grip_and_lists_every_mode(
     lines = summary_lines(result)
     assert lines[0] == "event: the product peeled off at 9.000 ± 0.002 s; what follows is not used"
     assert not any(line.startswith("warning") and "peeled" in line for line in lines)
-    assert "at this swing: 2.46960 ± 0.00033 Hz (the shaper is designed for it)" in lines
+    assert "at this swing: 2.46960 ± 0.00033 Hz (what the shaper is designed for)" in lines
     assert "further mode: 5.431 ± 0.012 Hz, damping ratio 0.0110 ± 0.0020" in lines
 
 

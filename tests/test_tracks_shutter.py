@@ -189,6 +189,18 @@ def test_an_image_in_which_a_tag_has_moved_is_a_new_one() -> None:
     assert drop_repeats(sightings, suspected) == (sightings, ())
 
 
+def test_where_a_swing_turns_round_a_coder_may_repeat_what_hardly_moves() -> None:
+    # 33 px at 2.5 Hz: after each end two images show the one before
+    time = np.arange(120) / 120.0
+    path = 300 + 33 * np.cos(2 * np.pi * 2.5 * time)
+    shown = np.arange(120)
+    for end in range(24, 110, 24):
+        shown[[end + 1, end + 2]] = end
+    centre = np.column_stack([path[shown], np.full_like(time, 200.0)])
+    sightings = film((sight(0, centre, 0 * time),), time)
+    assert drop_repeats(sightings, np.r_[False, np.diff(shown) == 0]) == (sightings, ())
+
+
 def test_nothing_repeated_changes_nothing() -> None:
     sightings, repeated = repeat(np.arange(30))
     assert drop_repeats(sightings, repeated) == (sightings, ())

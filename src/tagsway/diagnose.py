@@ -22,8 +22,9 @@ SLOW_FOR_ITS_LENGTH = 0.93
 """Of the frequency of the equivalent length, which no payload that gravity pulls back goes below; and a film that is
 played slowly shows the length itself as it is."""
 
-SENSIBLE_SHARES = (0.74, 1.3)
-"""Of a point mass' frequency: where another capture rate would put a payload that makes sense."""
+SENSIBLE_SHARES = (0.74, FAST_FOR_ITS_RADIUS)
+"""Of a point mass' frequency: where another capture rate would put a payload that makes sense, from a long flat bag to
+a stiff joint."""
 
 USUAL_FREQUENCIES_HZ = (0.05, 50.0)
 LEAST_AMPLITUDE_M = 5e-5
@@ -101,8 +102,8 @@ def _odd_for_its_size(frequency: float, pendulum: PendulumEstimate | None, video
     if slow <= share <= FAST_FOR_ITS_RADIUS:
         return []
     stated = f"--fps says, {video.fps_hz:g} Hz" if video.time_source == "option" else f"the file's {video.fps_hz:g} Hz"
-    better = _better_rate(share, video.fps_hz)
-    is_slow, suspect = share < slow, share < too_slow and better is not None and _may_be_played_slowly(video)
+    better = _better_rates(share, video.fps_hz)
+    is_slow, suspect = share < slow, share < too_slow and bool(better) and _may_be_played_slowly(video)
     return [
         Notice(
             code="frame_rate_suspect" if suspect else "slow_for_its_radius" if is_slow else "fast_for_its_radius",
@@ -117,17 +118,21 @@ def _may_be_played_slowly(video: VideoInfo) -> bool:
     return video.time_source == "container" and video.fps_hz < PLAYBACK_HZ
 
 
-def _better_rate(share: float, fps_hz: float) -> float | None:
-    """Return the usual capture rate that makes the most sense of a frequency, None where none does."""
+def _better_rates(share: float, fps_hz: float) -> list[float]:
+    """Return the usual capture rates that make sense of a frequency, the nearest to a point mass first."""
     low, high = SENSIBLE_SHARES
-    sensible = [rate for rate in USUAL_CAPTURE_RATES_HZ if low <= share * rate / fps_hz <= high]
-    return min(sensible, key=lambda rate: abs(math.log(share * rate / fps_hz)), default=None)
+    sensible = (rate for rate in USUAL_CAPTURE_RATES_HZ if low <= share * rate / fps_hz <= high)
+    return sorted(sensible, key=lambda rate: abs(math.log(share * rate / fps_hz)))
 
 
-def _advise_rate(better: float | None, wanted_hz: float) -> str:
-    if better is None:
+def _advise_rate(better: list[float], wanted_hz: float) -> str:
+    if not better:
         return f"none of the usual rates makes sense of it, which would have to be about {wanted_hz:.2g} Hz"
-    return f"if the camera ran at {better:g} Hz, say --fps {better:g}"
+    first, *others = (f"{rate:g}" for rate in better)
+    advice = f"if the camera ran at {first} Hz, say --fps {first}"
+    if not others:
+        return advice
+    return f"{advice}; {' or '.join(others)} Hz would make sense, too, with a stiffer joint"
 
 
 def _estimators_disagree(modal: ModalEstimate) -> list[Notice]:

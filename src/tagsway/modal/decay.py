@@ -345,7 +345,7 @@ def _find_lag(time_s: FloatArray, p: FloatArray, soft: float, angle: float) -> F
     (3/2 (α + γ/E) γ/E + α β E / 2 + 2 β γ / 3 + 0.0919 β² E²) / ω². The last row is by how much sooner, in s, the plain
     envelope has its amplitude than the one of which a softening changes the drag: E' solves the equation of its change.
     """
-    omega, alpha, drag, friction = p[[OMEGA, ALPHA, DRAG, FRICTION]]
+    omega, alpha, drag, friction = abs(p[OMEGA]), *p[[ALPHA, DRAG, FRICTION]]
     steps = np.diff(time_s, prepend=0.0)
     value, *slopes = envelope((time_s - steps)[:, None] + steps[:, None] * _NODES, alpha, drag, friction)
     low = STEEPEST * value * omega < abs(friction)

@@ -1,5 +1,7 @@
 """Whether a fitted decay is one, or noise that happens to look so."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
@@ -47,8 +49,13 @@ def require_oscillation(fit: DecayFit, samples: Samples, *, where: str) -> None:
 
 
 def significance(fit: DecayFit) -> float:
-    """Return the first mode's amplitude over its standard error, the residual's colour paid for."""
-    return amplitude_significance(fit)
+    """Return the first mode's amplitude over its standard error, the residual's colour paid for.
+
+    Without what errs for all samples together: a codec holds back what swings, a scale stretches it, and neither makes
+    a swing of nothing.
+    """
+    own = fit.covariance - fit.common @ fit.common.T
+    return amplitude_significance(replace(fit, covariance=own))
 
 
 def cycles_seen(fit: DecayFit, samples: Samples) -> float:

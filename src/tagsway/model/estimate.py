@@ -56,6 +56,39 @@ class Estimate:
         return cls(value=float(value), std=float(std), ci95=interval)
 
 
+REMARKS = frozenset(
+    {
+        "acceleration_record",
+        "angle_record",
+        "camera_from_motion",
+        "capture_rate_from_metadata",
+        "damping_depends_on_amplitude",
+        "fast_for_its_radius",
+        "frequency_depends_on_amplitude",
+        "further_mode",
+        "linear_decay_rejected",
+        "no_mass",
+        "no_move",
+        "no_spring",
+        "no_tag_size",
+        "pendulum_indicative",
+        "pendulum_not_determined",
+        "pendulum_record_shortened",
+        "plain_scale",
+        "point_mass_equivalent",
+        "prior_stated",
+        "several_decays",
+        "single_measurement",
+        "slow_for_its_radius",
+        "sways_across",
+        "tool_from_log",
+        "two_masses",
+        "unit_assumed",
+    }
+)
+"""Codes of notices that say what a measurement cannot tell, not that something was wrong with it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
     """A warning that a result carries: a code for programs, a sentence for people."""
@@ -64,3 +97,8 @@ class Notice:
 
     code: str
     message: str
+
+    @property
+    def is_remark(self) -> bool:
+        """Whether it tells what to know, not that something was wrong."""
+        return self.code in REMARKS

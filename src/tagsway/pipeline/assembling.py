@@ -39,38 +39,6 @@ from tagsway.pipeline.shaping import PlannedMove
 from tagsway.shapers import residual_curve
 from tagsway.video.opening import name_film
 
-HARMLESS = frozenset(
-    {
-        "acceleration_record",
-        "angle_record",
-        "camera_from_motion",
-        "further_mode",
-        "linear_decay_rejected",
-        "several_decays",
-        "tool_from_log",
-        "unit_assumed",
-        "capture_rate_from_metadata",
-        "damping_depends_on_amplitude",
-        "fast_for_its_radius",
-        "frequency_depends_on_amplitude",
-        "no_mass",
-        "no_move",
-        "no_spring",
-        "no_tag_size",
-        "pendulum_indicative",
-        "pendulum_not_determined",
-        "pendulum_record_shortened",
-        "plain_scale",
-        "point_mass_equivalent",
-        "prior_stated",
-        "single_measurement",
-        "slow_for_its_radius",
-        "sways_across",
-        "two_masses",
-    }
-)
-"""Codes of warnings that say what a measurement cannot tell, not that something was wrong with it."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
@@ -150,7 +118,7 @@ def assemble(
     )
     result = replace(
         empty,
-        status="ok" if all(notice.code in HARMLESS for notice in notices) else "degraded",
+        status="ok" if all(notice.is_remark for notice in notices) else "degraded",
         window_s=(window.start_s, window.end_s),
         modal=modal,
         pendulum=pendulum.estimate,

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from tagsway.model import Estimate, Notice, PendulumEstimate, Result, Shaper
+from tagsway.model import Estimate, ModalEstimate, Notice, PendulumEstimate, Result, Shaper
 from tagsway.report.estimators import find_disagreements
 from tagsway.report.style import length_unit
 
@@ -135,10 +135,11 @@ def describe_pendulum(pendulum: PendulumEstimate | None) -> str:
 
 
 def split_events(result: Result) -> tuple[list[str], list[Notice]]:
-    """Return the sentences on what happened to the grip, and the other warnings."""
+    """Return the sentences on what happened to the grip, and the other warnings, mere remarks last."""
     kinds = {event.kind for event in result.events}
     sentences = [notice.message for notice in result.warnings if notice.code in kinds]
-    return sentences, [notice for notice in result.warnings if notice.code not in kinds]
+    others = (notice for notice in result.warnings if notice.code not in kinds)
+    return sentences, sorted(others, key=lambda notice: notice.is_remark)
 
 
 def describe_modes(result: Result) -> list[str]:
@@ -194,12 +195,13 @@ def summary_lines(result: Result) -> list[str]:
     Returns
     -------
     list of str
-        Without line breaks, control characters or markup; what happened to the grip comes first, the warnings last.
+        Without line breaks, control characters or markup; what happened to the grip comes first, the warnings and then
+        the notes last.
     """
     sentences, warnings = split_events(result)
     lines = [_line("event", sentence) for sentence in sentences]
     lines += [*_modal_lines(result), *_pendulum_lines(result.pendulum), *_shaper_lines(result.shaper)]
-    lines += [f"warning: {notice.message}" for notice in warnings]
+    lines += [_line("note" if notice.is_remark else "warning", notice.message) for notice in warnings]
     return [plain(line) for line in lines]
 
 
@@ -249,8 +251,7 @@ def _modal_lines(result: Result) -> list[str]:
         _line("damping ratio", NOT_DETERMINED if ratio is None else format_estimate(ratio) + _uneven_interval(ratio)),
     ]
     if modal.operating_frequency_hz is not None:
-        designed = " (the shaper is designed for it)" if result.shaper is not None else ""
-        lines.append(_line("at this swing", format_estimate(modal.operating_frequency_hz, "Hz") + designed))
+        lines.append(_line("at this swing", _swing_words(modal, designed=result.shaper is not None)))
     for mode in modal.modes[1:]:
         ratio_words = f"damping ratio {format_estimate(mode.damping_ratio)}"
         lines.append(_line("further mode", f"{format_estimate(mode.natural_frequency_hz, 'Hz')}, {ratio_words}"))
@@ -261,6 +262,14 @@ def _modal_lines(result: Result) -> list[str]:
         )
         lines.append(_line("free vibration", f"{start:.2f} to {end:.2f} s, {modal.cycles:.1f} cycles{swing}"))
     return lines
+
+
+def _swing_words(modal: ModalEstimate, *, designed: bool) -> str:
+    assert modal.operating_frequency_hz is not None
+    words, ratio = format_estimate(modal.operating_frequency_hz, "Hz"), modal.operating_damping_ratio
+    if ratio is not None:
+        words += f", damping ratio {format_estimate(ratio)}"
+    return words + (" (what the shaper is designed for)" if designed else "")
 
 
 def _uneven_interval(estimate: Estimate) -> str:

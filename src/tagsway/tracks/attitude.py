@@ -29,6 +29,9 @@ LEAST_TURN_RAD = 0.002
 FRAMES_PER_SAMPLE = 10
 """Neighbouring frames share their error (a codec predicts each from the last): so many count as one."""
 
+LEAST_WAY_PX = 3.0
+"""Way of the tool's tag below which it shows nothing of what a place does: a codec makes it wander by as little."""
+
 LEAST_SPREAD = 1e-4
 """Misfit that any tag's looks are granted: a codec repeats a tag at rest, which is no proof of having no noise."""
 
@@ -71,8 +74,8 @@ def measure_attitude(
     Parameters
     ----------
     pcp, tcp : TagSightings
-        The product's tag, and the tool's, which shows what the camera makes of a place; without it the usual tilts and
-        lenses are reckoned with.
+        The product's tag, and the tool's, which shows what the camera makes of a place; without it, or where it rests,
+        the usual tilts and lenses are reckoned with.
     focal_px : float
         Focal length. Depth and angles are in proportion to it.
     principal_px : ndarray, shape (2,)
@@ -151,7 +154,7 @@ def _dependence_on_place(
     looks, place = _channels(tool, focal_px), _place(tool, origin_px, focal_px)
     seen = np.flatnonzero(np.isfinite(looks).all(axis=1))
     seen = seen[:: max(1, len(seen) // MOST_SAMPLES)]
-    if len(seen) < LEAST_SAMPLES:
+    if len(seen) < LEAST_SAMPLES or not np.max(np.ptp(tool.centre_px[seen], axis=0)) > LEAST_WAY_PX:
         return slopes, covariances
     design = np.column_stack([place[seen], np.ones(len(seen))])
     for channel in range(CHANNELS):

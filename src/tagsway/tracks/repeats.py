@@ -38,7 +38,7 @@ def drop_repeats(sightings: Sightings, repeated: BoolArray) -> tuple[Sightings, 
     A coder also repeats the image of a scene at rest, and that is a measurement. An image is no new one where every
     tag stands as in the one before, but in the next new one has moved on at the speed that it has before and after:
     |Δp| > 5 σ and 0.25 px a frame from the last new image to the next, and |Δp| / Δt at least half the lower of the
-    speeds beside.
+    speeds beside, all three in one direction: where a swing turns round, a coder repeats what hardly moves.
     """
     new = np.flatnonzero(~repeated)
     if len(new) == len(repeated) or len(new) < 4:
@@ -91,11 +91,13 @@ def _went(tag: TagSightings) -> BoolArray:
 
 def _moved_on(time_s: FloatArray, centre_px: FloatArray, covariance_px2: FloatArray, frames: IntArray) -> BoolArray:
     """Return after which of the new images, but the last, the tag is seen to have gone on moving; shape (n - 1,)."""
-    way = np.hypot(*np.diff(centre_px, axis=0).T)
+    step = np.diff(centre_px, axis=0)
+    way = np.hypot(*step.T)
     variance = np.trace(covariance_px2, axis1=1, axis2=2)
     speed = way / np.diff(time_s)
+    on = np.sum(step[1:] * step[:-1], axis=1) > 0
     before, after = np.append(np.nan, speed[:-1]), np.append(speed[1:], np.nan)
     sure = way / frames > np.maximum(_SURE * np.sqrt(variance[1:] + variance[:-1]), _LEAST_PX)
-    sure = sure & np.append(False, sure[:-1]) & np.append(sure[1:], False)
+    sure = sure & np.append(False, sure[:-1] & on) & np.append(sure[1:] & on, False)
     steady: BoolArray = sure & (speed > _SPEED_SHARE * np.fmin(before, after))
     return steady
