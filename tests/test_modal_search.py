@@ -8,7 +8,7 @@ from tagsway.modal.decay import PLACES, SOFTENING, Terms, predict
 from tagsway.modal.least_squares import Samples, Softening, solve
 from tagsway.modal.uncertainty import SOFT
 
-TRUTH = np.array([15.0, 0.3, 4.0, -3.0, 0.5, 0.02, 0.05, 0.0, 0.0, 0.0])
+TRUTH = np.pad([15.0, 0.3, 4.0, -3.0, 0.5, 0.02, 0.05], (0, PLACES - 7))
 TERMS = Terms(softening=True, drag=True)
 NOISE = 0.05
 
@@ -44,7 +44,7 @@ def standard_errors(samples: Samples) -> np.ndarray:
 @pytest.mark.parametrize("off", [1.001, 1.02], ids=["near", "far"])
 def test_a_search_ends_at_the_least_cost(spikes, off) -> None:
     samples = make_samples(spikes=spikes)
-    start = TRUTH * np.array([off, 2, 0.7, 1.3, 1, 0, 0, 0, 0, 0])
+    start = TRUTH * np.pad([off, 2, 0.7, 1.3, 1], (0, PLACES - 5))
     found, deviance = solve(samples, start, TERMS, scale=NOISE)
     # Discretisation: a step that promises less than a millionth of the deviance is the last one.
     away = (found[TERMS.free] - find_least(samples)) / standard_errors(samples)
