@@ -328,6 +328,17 @@ def decay(time: FloatArray, frequency: float, damping: float, amplitude: float, 
     )
 
 
+def test_what_swings_from_image_to_image_is_the_coder_and_no_mode() -> None:
+    rng = np.random.default_rng(5)
+    time, x, _ = make_decay(rng, duration=2.5, amplitude=3e-3, noise=1e-5)
+    for hertz, codes in ((95.0, set()), (60.0, {"further_mode"})):
+        fit = identify_modes(make_track(time, x + 2e-5 * np.cos(2 * np.pi * hertz * time)), whole(time))
+        assert {notice.code for notice in fit.notices} & {"further_mode"} == codes
+        # Statistics: four standard errors.
+        frequency = fit.estimate.natural_frequency_hz
+        assert frequency.value == pytest.approx(2.5, abs=4 * frequency.std)
+
+
 @pytest.mark.parametrize(("other", "damping", "size"), [(7.3, 0.06, 0.005), (2.62, 0.006, 0.012), (2.75, 0.006, 0.025)])
 def test_a_second_body_and_a_close_twin_are_modes_of_their_own(other: float, damping: float, size: float) -> None:
     rng = np.random.default_rng(15)

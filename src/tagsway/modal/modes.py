@@ -22,6 +22,9 @@ NEEDED_CYCLES = 2.0
 NEARBY = (0.5, 1.0, 1.5, 2.2, 3.0)
 """Distances of a close mode that are tried, in periods of the beat inside the window."""
 
+FASTEST = 0.9
+"""Of half the rate of the images: a coder that keeps more of every second image makes its own swing beyond."""
+
 RESOLVED = 0.4
 """Part of a beat that must be seen: two modes closer than that only bend one envelope."""
 
@@ -132,7 +135,8 @@ def _stands_out(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
     if any(abs(ratio - k) < 0.02 * k for k in (2, 3)):
         return False
     apart = min(abs(omega - fit.parameters[pole_places(k)[0]]) * _lasting(fit, span, k, mode) for k in range(mode))
-    if not (0.02 < ratio < 50 and apart > RESOLVED * 2 * np.pi):
+    turn = omega * float(np.median(np.diff(samples.time_s)))
+    if not (0.02 < ratio < 50 and turn < FASTEST * np.pi and apart > RESOLVED * 2 * np.pi):
         return False
     return amplitude_significance(fit, mode=mode) > NEEDED and amplitude_significance(fit, mode=0) > NEEDED
 
