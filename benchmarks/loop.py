@@ -18,6 +18,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+import numpy as np
+
 from closed_loop import HEADING, SPREAD_PERCENT, WINDOW_MM, close_loop, loop_scene
 
 
@@ -40,6 +42,8 @@ def main() -> int:
     for name, against in (("filmed", "filmed_mm"), ("true", "true_mm")):
         apart = [loop.seen_mm - getattr(loop, against) for loop in loops]
         print(f"seen - {name}: {min(apart):.3f} to {max(apart):.3f} mm")
+    ratio = np.sqrt(np.mean([((loop.seen_mm - loop.filmed_mm) / loop.stated_mm) ** 2 for loop in loops]))
+    print(f"seen - filmed ÷ the stated error of a place, root mean square: {ratio:.1f}")
     return 0 if kept >= promised - 2 else 1
 
 

@@ -54,6 +54,8 @@ class Loop:
         What any camera without depth must say: the true images of the tag's centre, at its scale.
     true_mm : float
         What the product did.
+    aside_mm : float
+        By how much, at most, its sway towards the camera moves it aside in the pictures.
     """
 
     chosen: dict[str, Any]
@@ -61,6 +63,7 @@ class Loop:
     stated_mm: float
     filmed_mm: float
     true_mm: float
+    aside_mm: float
 
     @property
     def words(self) -> str:
@@ -114,13 +117,14 @@ def film_design(scene: Scene, folder: Path) -> Loop:
     truth = film(with_trajectory(scene, folder / "design")[0], second)
     result = json.loads((second / "result.json").read_text(encoding="utf-8"))
     track = np.genfromtxt(second / "track.csv", delimiter=",", names=True)
-    filmed_mm, true_mm = place_errors_mm(truth)
+    filmed_mm, true_mm, aside_mm = place_errors_mm(truth, scene.camera)
     return Loop(
         chosen=chosen,
         seen_mm=result["indicators"]["place_error_mm"],
         stated_mm=float(np.nanmedian(track["pcp_x_std_mm"][track["time_s"] >= truth.move_s[1]])),
         filmed_mm=filmed_mm,
         true_mm=true_mm,
+        aside_mm=aside_mm,
     )
 
 
@@ -144,17 +148,20 @@ def with_trajectory(scene: Scene, design: Path) -> tuple[Scene, float]:
     return replace(scene, move=None, trajectory=path, duration_s=end + DECAY_S), end
 
 
-def place_errors_mm(truth: Truth) -> tuple[float, float]:
-    """Return how far the product is off its place once the tool stands, in the pictures and in truth.
+def place_errors_mm(truth: Truth, camera: SceneCamera) -> tuple[float, float, float]:
+    """Return how far the product is off its place once the tool stands, in the pictures and in truth, and `aside_mm`.
 
-    The tool's tag hangs right above that place, and in the plane whose scale is known. A product that swings towards
-    the camera is seen farther from the picture's middle than it is: by 0.1 mm for 1 mm, 140 mm beside the middle.
+    The tool's tag hangs right above that place, and in the plane whose scale is known. A product that is nearer to the
+    camera by y is seen farther from the picture's middle than it is, by y over the distance.
     """
     after = np.array(truth.time_s) >= truth.move_s[1]
     tool, product = (np.array(truth.tags[name].centre_px)[after, 0] for name in ("tcp", "pcp"))
-    filmed = truth.tags["tcp"].mm_per_px * np.abs(product - tool)
+    scale = truth.tags["tcp"].mm_per_px
+    filmed = scale * np.abs(product - tool)
     true = 1e3 * np.abs(np.array(truth.pcp_m)[after, 0] - np.array(truth.tcp_m)[after, 0])
-    return float(filmed.max()), float(true.max())
+    nearer = truth.tag_radius_m * np.abs(np.array(truth.sideways_rad)[after]) / camera.distance_m
+    aside = scale * np.abs(product - (camera.width - 1) / 2) * nearer
+    return float(filmed.max()), float(true.max()), float(aside.max())
 
 
 def from_rest(sway: np.ndarray) -> np.ndarray:
