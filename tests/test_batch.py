@@ -110,6 +110,39 @@ def test_a_second_batch_in_the_same_folder_says_so(inside, capsys) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent in another way there")
+def test_ctrl_c_while_the_first_worker_starts_is_answered_in_two_lines(inside) -> None:
+    write_set(inside / "set", {"a": [2.0, 2.1]})
+    process = subprocess.Popen(
+        [*BATCH, "set", "--out", "out", "--workers", "1"], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    until((inside / "out" / ".lock").exists, process)
+    time.sleep(0.3)
+    os.killpg(process.pid, signal.SIGINT)
+    _, words = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert len(words.splitlines()) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="a size of files is not limited there")
+def test_a_disk_that_is_full_is_said_in_one_line_and_the_next_run_goes_on(inside) -> None:
+    import resource
+
+    write_set(inside / "set", {"a": [2.0, 2.1]})
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    command = [*BATCH, "set", "--out", "out", "--workers", "1", "--quiet"]
+
+    def allow_little() -> None:  # a file that grows beyond it is refused, as on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+
+    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False, preexec_fn=allow_little)
+    assert done.returncode == 1
+    assert done.stderr == "error: out/: file too large; what is done is kept: the same command goes on\n"
+    assert subprocess.run(command, check=False).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent in another way there")
 def test_ctrl_c_ends_in_one_line_and_keeps_what_is_done(inside) -> None:
     write_set(inside / "set", {"a": [2.0 + 0.01 * n for n in range(12)]})
     process = subprocess.Popen(

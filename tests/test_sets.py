@@ -91,6 +91,13 @@ def test_a_table_of_files_is_a_manifest_too(tmp_path) -> None:
         ('[[measurement]]\nfile = "x/*.csv"\nmass = -1', "--mass"),
         ('[[measurement]]\nfile = "x/*.csv"\nmass = "heavy"', "mass"),
         ("[[measurement]]\nsubset = 'a'", "file"),
+        ('[[measurement]]\nfile = "**x/*.csv"', "pattern"),
+        ('[[measurement]]\nfile = "."', "pattern"),
+        ('[[measurement]]\nfile = "x/*.csv"\nvacuum_mbar = inf', "vacuum_mbar"),
+        ('[[measurement]]\nfile = "x/*.csv"\nvacuum_mbar = nan', "vacuum_mbar"),
+        ('[[measurement]]\nfile = "x/*.csv"\nfactor_status = "new"', "column"),
+        ('[[measurement]]\nfile = "x/*.csv"\nfactor_subset = "new"', "column"),
+        ('[[measurement]]\nfile = "x/*.csv"\nsubset = "(all)"', "whole"),
     ],
 )
 def test_a_manifest_that_cannot_be_used_is_refused_with_the_key(tmp_path, text, word) -> None:
@@ -293,6 +300,22 @@ def test_every_move_of_a_clip_is_a_row(tmp_path) -> None:
     np.testing.assert_allclose(table["natural_frequency_hz"], frequency, rtol=5e-3)
     assert table["window_start_s"].is_monotonic_increasing
     assert np.all(np.diff(table["window_start_s"]) == pytest.approx(3.0, abs=0.3))
+
+
+@pytest.mark.parametrize(
+    ("rows", "word"),
+    [("x/r0.csv,B,C", "line 2: expected as many fields"), (f'x/r0.csv,"{"B" * 200_000}"', "not a text")],
+)
+def test_a_table_of_files_that_cannot_be_read_is_refused(tmp_path, rows, word) -> None:
+    root = write_set(tmp_path / "set", {"x": [2.0]})
+    (root / "set.csv").write_text(f"file,gripper\n{rows}\n")
+    with pytest.raises(InputError, match=word):
+        find_set(root)
+
+
+def test_a_pattern_takes_no_manifest_for_a_track(tmp_path) -> None:
+    root = write_set(tmp_path / "set", {".": [2.0]})
+    assert names(manifest(root, '[[measurement]]\nfile = "*"\n')) == ["r0.csv"]
 
 
 def test_a_subset_s_name_becomes_a_file_s_on_any_system() -> None:

@@ -1,5 +1,6 @@
 """`identify batch SET`: many measurements."""
 
+import errno
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tagsway.errors import InputError
+from tagsway.errors import InputError, TagswayError
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 SOME_FAILED = 4
 """Exit code: the others were done."""
+
+DISK_IS_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors that name no file: as many writes may fail."""
 
 MOST_NAMED = 20
 """Failed files that are named on standard error; all of them are in measurements.csv."""
@@ -76,6 +80,11 @@ def batch(
                 typer.echo(f"what is done is kept in {folder}/: the same command goes on from there", err=True)
                 raise
             done = write_batch(find_set(path, leave_out=folder, may_be_empty=True), ledger)
+        except OSError as fault:
+            if fault.errno not in DISK_IS_FULL:
+                raise
+            reason = os.strerror(fault.errno).lower()
+            raise TagswayError(f"{folder}/: {reason}; what is done is kept: the same command goes on") from None
     _tell(done, folder, quiet=quiet)
 
 
@@ -99,7 +108,7 @@ def _tell(done: "Batch", folder: Path, *, quiet: bool) -> None:
 
 def _summary_lines(done: "Batch") -> list[str]:
     """Return summary.csv as people read it: a line a subset."""
-    from tagsway.sets.tables import WHOLE
+    from tagsway.sets.columns import WHOLE
 
     rows = done.tables.summary.to_dict("records")
     names = [f"{WHOLE} {row['set']}".rstrip() if row["subset"] == WHOLE else str(row["subset"]) for row in rows]

@@ -6,6 +6,7 @@ measuring one file, as a worker measures it
 workers   processes of this machine, or a Dask cluster, behind one interface
 ledger    what is done, what was tried, and who may write
 running   every job once, whatever dies
+columns   what the tables call their columns
 tables    from rows to tables, and what is rejected
 effects   what the factors do
 drawing   the shaper and the figures of a subset

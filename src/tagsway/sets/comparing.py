@@ -14,6 +14,7 @@ from tagsway.filters import clean_track
 from tagsway.model import AlignedMove, Notice
 from tagsway.pipeline import align_result
 from tagsway.sets.batch import Begin, measure_items
+from tagsway.sets.columns import NUMBERS
 from tagsway.sets.conditions import Sources
 from tagsway.sets.jobs import Outcome, result_path
 from tagsway.sets.ledger import open_ledger, read_digests, read_kept
@@ -21,7 +22,7 @@ from tagsway.sets.manifest import as_text
 from tagsway.sets.measuring import row_of_result
 from tagsway.sets.moves import to_move
 from tagsway.sets.options import inside
-from tagsway.sets.tables import CONDITION, COPY, MEASUREMENTS, NUMBERS, PLACE, arrange_rows
+from tagsway.sets.tables import CONDITION, COPY, MEASUREMENTS, PLACE, arrange_rows
 from tagsway.sets.workers import Crew
 from tagsway.store.documents import read_result
 from tagsway.store.tables import read_table

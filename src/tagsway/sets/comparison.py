@@ -18,9 +18,10 @@ from tagsway.model import (
     PickRate,
 )
 from tagsway.repeats import adjust_holm, compare_repeats, rate_gain, summarise_repeats
+from tagsway.sets.columns import FIRST, NUMBERS, TEXTS
 from tagsway.sets.concerns import find_concerns
 from tagsway.sets.exchanges import find_exchanges
-from tagsway.sets.tables import CONDITION, FIRST, GROUP, NUMBERS, PLACE, TEXTS
+from tagsway.sets.tables import CONDITION, GROUP, PLACE
 
 MOTION, SETTLING, TRAJECTORY = "motion_time_s", "settling_time_s", "trajectory_time_s"
 QUANTITIES = (

@@ -1,6 +1,7 @@
 """What a set consists of: a folder of subsets, a manifest, or one clip with many picks."""
 
 import csv
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from typing import Any
 from tagsway.errors import InputError
 from tagsway.files import read_toml
 from tagsway.model import Settings
+from tagsway.sets.columns import OWN, WHOLE
 from tagsway.sets.options import OPTIONS, inside, make_settings, read_options, unknown_key
 from tagsway.sets.remote import find_remote, is_url, refuse_url
 
@@ -34,7 +36,7 @@ FACTORS = frozenset(
 )
 """What a measurement may say of itself; others as `factor_NAME`."""
 
-OWN = frozenset({"file", "subset", "settings"})
+SAID = frozenset({"file", "subset", "settings"})
 PREFIX = "factor_"
 
 Factor = str | int | float | bool
@@ -139,6 +141,8 @@ def find_set(
     if not items and not may_be_empty:
         raise InputError(f"{path} holds no videos and no tracks: expected files that end in {', '.join(sorted(FILMS))}")
     _refuse_twice(items)
+    if any(item.subset == WHOLE for item in items):
+        raise InputError(f"{path}: a subset is called {WHOLE!r}, as the whole is in summary.csv: give it another name")
     items = _tell_sets_apart(items)
     items.sort(key=lambda item: (item.subset, item.name))
     return MeasurementSet(name=path.resolve().stem, root=finder.root, items=tuple(items))
@@ -244,8 +248,14 @@ class _Finder:
             raise InputError(
                 f"{origin}: file {pattern!r} may lead out of the set {self.root}: expected a path inside it"
             )
-        found = [p for p in sorted(self.root.glob(pattern)) if not self._is_left_out(p)]
-        files = [p for p in found if p.is_file() or (p.is_dir() and not any(c in pattern for c in "*?["))]
+        try:
+            found = [p for p in sorted(self.root.glob(pattern)) if not self._is_left_out(p)]
+        except (ValueError, IndexError, NotImplementedError):
+            raise InputError(f"{origin}: file is {pattern!r}: expected a name or a pattern such as 'a/*.mp4'") from None
+        if any(sign in pattern for sign in "*?["):
+            files = [p for p in found if p.is_file() and p.name not in (MANIFEST, TABLE, INHERITED)]
+        else:
+            files = [p for p in found if p.is_file() or p.is_dir()]
         if not files and not self._may_be_empty:
             raise InputError(f"{origin}: file {pattern!r} matches nothing in {self.root}")
         for file in files:
@@ -293,7 +303,7 @@ def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor]
     options: dict[str, Any] = {}
     for key, value in entry.items():
         name = key.replace("-", "_")
-        if name in OWN:
+        if name in SAID:
             continue
         if name in OPTIONS:
             options[name] = value
@@ -301,12 +311,14 @@ def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor]
         if name.startswith(PREFIX) and len(name) > len(PREFIX):
             name = name.removeprefix(PREFIX)
         elif name not in FACTORS:
-            known = unknown_key(name, OWN | OPTIONS | FACTORS)
+            known = unknown_key(name, SAID | OPTIONS | FACTORS)
             raise InputError(f"{origin}: {known}; a factor of another name is written {PREFIX}{name}")
         if isinstance(value, list) and all(isinstance(part, str) for part in value):
             value = "-".join(value) or "none"
-        if not isinstance(value, (str, int, float, bool)):
+        if not isinstance(value, (str, int, float, bool)) or value in (math.inf, -math.inf) or value != value:
             raise InputError(f"{origin}: {key} is {value!r}: expected a word or a number")
+        if name in OWN:
+            raise InputError(f"{origin}: {key} is the name of a column of measurements.csv: give the factor another")
         factors[name] = value
     return factors, options
 
@@ -334,12 +346,17 @@ def _manifest_rows(path: Path) -> list[dict[str, str]] | None:
             header = text.readline()
             text.seek(0)
             delimiter = max(",;\t", key=header.count)
-            reader = csv.DictReader(text, delimiter=delimiter, skipinitialspace=True, restkey="", restval="")
+            reader = csv.DictReader(text, delimiter=delimiter, skipinitialspace=True, restval="")
             if "file" not in [name.strip() for name in reader.fieldnames or ()]:
                 return None
             reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-            return list(reader)
-    except UnicodeDecodeError:
+            rows = []
+            for row in reader:
+                if any(field.strip() for field in row.pop(None, ())):
+                    raise InputError(f"{path}, line {reader.line_num}: expected as many fields as the first line has")
+                rows.append(row)
+            return rows
+    except (UnicodeDecodeError, csv.Error):
         raise InputError(f"{path} is not a text table; give a table with a column 'file'") from None
 
 

@@ -8,13 +8,14 @@ import pandas as pd
 from tagsway.model import FactorModel, Notice
 from tagsway.report.subset import plot_factors, write_figure
 from tagsway.sets.ahead import Ahead
+from tagsway.sets.columns import WHOLE
 from tagsway.sets.drawing import recommend_shaper
 from tagsway.sets.effects import factor_values, find_effects
 from tagsway.sets.ledger import Ledger
 from tagsway.sets.manifest import MeasurementSet
 from tagsway.sets.page import tell_effects, write_set_page
 from tagsway.sets.subsets import MOST_POINTS, begin_subsets
-from tagsway.sets.tables import MEASUREMENTS, WHOLE, Tables, modes_of, share_picks
+from tagsway.sets.tables import MEASUREMENTS, Tables, modes_of, share_picks
 from tagsway.sets.workers import Crew
 from tagsway.store.documents import write_shaper
 from tagsway.store.measurements import FREQUENCY, write_table

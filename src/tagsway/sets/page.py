@@ -13,10 +13,11 @@ from tagsway.model import Notice, Shaper
 from tagsway.report.page import PLOTLY, SHARED_SCRIPT, load_asset
 from tagsway.report.set_page import SetReport, SubsetPictures, render_set_page
 from tagsway.report.set_words import describe_effects
+from tagsway.sets.columns import WHOLE
 from tagsway.sets.effects import Effects
 from tagsway.sets.jobs import page_ending, page_path
 from tagsway.sets.ledger import NO_NUMBER
-from tagsway.sets.tables import WHOLE, Tables, factors_of
+from tagsway.sets.tables import Tables, factors_of
 
 REPORT = "report.html"
 MOST_LISTED = 2000

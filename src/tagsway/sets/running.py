@@ -11,7 +11,7 @@ from tagsway.sets.jobs import Job, Outcome, measure
 from tagsway.sets.ledger import Ledger
 from tagsway.sets.manifest import Item
 from tagsway.sets.remote import stamp_of
-from tagsway.sets.workers import Crew
+from tagsway.sets.workers import Crew, interrupted_later
 
 ATTEMPTS = 2
 """A file whose process dies while nothing else runs is tried once more."""
@@ -89,7 +89,8 @@ class Runner:
             self._broken = False
         stamp = stamp_of(job.item.path)
         try:
-            future = self.crew.executor.submit(self.work, job)
+            with interrupted_later():  # a worker that is started half would tell of it in many lines
+                future = self.crew.executor.submit(self.work, job)
         except Exception as fault:
             if not self.crew.died(fault):
                 raise

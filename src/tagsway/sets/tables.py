@@ -17,56 +17,17 @@ from tagsway.repeats import (
     reject_by_esd,
     summarise_repeats,
 )
+from tagsway.sets.columns import FIRST, NUMBERS, TEXTS, WHOLE
 from tagsway.sets.ledger import NO_NUMBER, Ledger
 from tagsway.sets.manifest import Item
 from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
 
 MEASUREMENTS = "measurements.csv"
-FIRST = ("file", "pick", "subset")
 CONDITION, GROUP, PLACE = "(condition)", "(group)", "(place)"
 """Columns that a comparison adds; factors have no such names."""
 
 COPY = "copy of "
 """What `rejected_by` says of a file that holds what another holds, before the other's name."""
-
-TEXTS = ("status", "error", "warnings", "rejected_by", "key")
-NUMBERS = (
-    "frames",
-    "window_start_s",
-    "window_end_s",
-    "cycles",
-    FREQUENCY,
-    FREQUENCY_STD,
-    DAMPING,
-    "damping_ratio_std",
-    "operating_frequency_hz",
-    "operating_frequency_std_hz",
-    "amplitude_mm",
-    "amplitude_std_mm",
-    "length_mm",
-    "length_std_mm",
-    "tag_radius_mm",
-    "tag_radius_std_mm",
-    "settling_time_s",
-    "overshoot_percent",
-    "trajectory_time_s",
-    "motion_time_s",
-    "max_pcp_acceleration_m_s2",
-    "max_pcp_acceleration_std_m_s2",
-    "max_pcp_vector_m_s2",
-    "max_pcp_vector_std_m_s2",
-    "residual_max_m_s2",
-    "residual_rms_m_s2",
-    "place_error_mm",
-    "box_error_mm",
-    "reference_mm",
-    "watched_s",
-    "bandwidth_hz",
-)
-"""Columns of measurements.csv beside the factors, which stand after the first ones."""
-
-WHOLE = "(all)"
-"""The summary's last row."""
 
 PICKED, SET = "pick_position", "set"
 REPEATED = frozenset({SET, "repeat", "run", "date", "operator"})

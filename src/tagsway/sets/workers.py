@@ -211,6 +211,22 @@ def _deaf_to_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+@contextmanager
+def interrupted_later() -> Iterator[None]:
+    """Answer Ctrl-C after the block, and not in it; only a main thread can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    seen: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if seen and callable(before):
+            before(seen[0], None)
+
+
 def _begin(lifeline: Connection, counter: Any) -> None:
     """Make a new process one that ends with its parent, leaves Ctrl-C to it, holds one core, and is ready."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
