@@ -20,9 +20,10 @@ from tagsway.modal.decay import (
     envelope,
     predict,
 )
+from tagsway.modal.noise import find_colour, grid_places
 from tagsway.modal.samples import DecayFit, Samples, Softening
 from tagsway.modal.sway import MAD_TO_STD
-from tagsway.modal.uncertainty import SOFT, judge_fit
+from tagsway.modal.uncertainty import SOFT, count_independent, judge_fit
 from tagsway.model import FloatArray
 
 __all__ = ["DecayFit", "Samples", "Softening", "extend", "fit_decay", "fit_linear_part", "misfit", "solve"]
@@ -249,6 +250,13 @@ def _promising(samples: Samples, fit: DecayFit, barred: set[int]) -> list[int]:
     A score test: what of the residual lies along the term's derivative, outside of those that are fitted.
     """
     places = [k for k in TRIED if k not in fit.terms.free and k not in barred]
+    left, outside, _ = _look_outside(samples, fit, places)
+    gain = (left @ outside) ** 2 / np.maximum(np.sum(outside**2, axis=0), 1e-20)
+    return [k for k, g in zip(places, gain, strict=True) if g > WORTH / 3]
+
+
+def _look_outside(samples: Samples, fit: DecayFit, places: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the bounded residual, what of the derivatives at these places lies outside the fit's own, and those."""
     every = predict(samples.time_s, fit.parameters, fit.terms.with_place(SOFTENING), samples.drive)[1]
     every = every / samples.spread[:, None] / fit.scale
     every = every / np.maximum(np.linalg.norm(every, axis=0), 1e-300)
@@ -256,9 +264,18 @@ def _promising(samples: Samples, fit: DecayFit, barred: set[int]) -> list[int]:
     left = fit.residual / samples.spread / fit.scale
     bend = 1 + (left / SOFT) ** 2
     left = left / np.sqrt(bend) / float(np.mean(bend**-1.5))
-    outside = every[:, places] - basis @ (basis.T @ every[:, places])
-    gain = (left @ outside) ** 2 / np.maximum(np.sum(outside**2, axis=0), 1e-20)
-    return [k for k, g in zip(places, gain, strict=True) if g > WORTH / 3]
+    return left, every[:, places] - basis @ (basis.T @ every[:, places]), basis
+
+
+def _may_hide_more(samples: Samples, fit: DecayFit, places: list[int]) -> bool:
+    """Say whether all of these terms together might be worth their fit, which takes long: by one step towards it."""
+    left, outside, basis = _look_outside(samples, fit, places)
+    more = np.linalg.qr(outside)[0]
+    along = more.T @ left
+    rows = np.column_stack([basis, more])
+    colour = find_colour(left - more @ along, grid_places(samples.time_s), rows)
+    share = count_independent(colour, len(left)) / len(left)
+    return bool(share * float(along @ along) > WORTH / 3)
 
 
 def _prune(samples: Samples, fit: DecayFit, barred: set[int], prior: Softening | None) -> DecayFit:
@@ -266,9 +283,11 @@ def _prune(samples: Samples, fit: DecayFit, barred: set[int], prior: Softening |
 
     What two missing terms leave colours the residual, and so hides each of them from a search one by one.
     """
-    terms = fit.terms
-    for place in TRIED:
-        terms = terms if place in barred else terms.with_place(place)
+    terms, places = fit.terms, [k for k in TRIED if k not in fit.terms.free and k not in barred]
+    if not (places and _may_hide_more(samples, fit, places)):
+        return fit
+    for place in places:
+        terms = terms.with_place(place)
     more = fit_decay(samples, fit.parameters, terms, scale=fit.scale, prior=prior)
     while True:
         extra = [k for k in TRIED if k in more.terms.free and k not in fit.terms.free]

@@ -75,7 +75,7 @@ def judge_fit(
         common=np.eye(size)[:, free] @ (pulled / unit[:, None]),
         bound=_spread(np.linalg.pinv(rows.T @ rows + known, rcond=1e-14), unit, terms, size),
         inflation=float(colour.density(turn)),
-        freedom=max(_independent(colour, len(residual)) - len(free), 1.0),
+        freedom=max(count_independent(colour, len(residual)) - len(free), 1.0),
         error_freedom=max(colour.freedom_at(turn) - len(free), 1.0),
         deviance=deviance,
     )
@@ -137,7 +137,7 @@ def _step(time_s: FloatArray, place: np.ndarray) -> float:
     return float((time_s[-1] - time_s[0]) / max(int(place[-1]), 1))
 
 
-def _independent(colour: Colour, n: int) -> float:
+def count_independent(colour: Colour, n: int) -> float:
     """Return how many independent samples hold as much as these n: n (∫S)² / ∫S² by Bartlett."""
     density = colour.density(np.linspace(0, np.pi, 257))
     return n * float(np.mean(density)) ** 2 / float(np.mean(density**2))
