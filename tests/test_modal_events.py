@@ -10,7 +10,7 @@ from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.filters import clean_track
 from tagsway.modal import find_window
 from tagsway.modal.events import describe_events, find_events
-from tagsway.model import Event, FloatArray, Settings, Track, Window
+from tagsway.model import Event, FloatArray, Settings, TagTrack, Track, Window
 from tagsway.pipeline import identify, write_measurement
 from tagsway.store.tracks import write_track
 
@@ -96,6 +96,27 @@ def test_a_slip_is_another_event_and_what_follows_is_still_a_sway(slow_s: float)
     assert found.growth_m is not None
     assert found.growth_m.value == pytest.approx(0.08 * 0.0585, rel=0.35)
     assert not found.ends_grip
+
+
+def test_a_slip_of_many_times_the_sway_parts_the_window_and_hides_it_not() -> None:
+    # 1 mm of sway along x, 6 mm of slip along z in its midst
+    time, rng = np.arange(960) / 240, np.random.default_rng(11)
+    scene = record(FLEXIBLE, pick_and_place(5.0), seed=1).track
+    sway = 1e-3 * np.exp(-0.06 * time) * np.cos(2 * np.pi * 2.5 * time)
+    position = np.column_stack([sway, -0.06 - 0.006 * np.clip((time - 2.0) / 0.04, 0, 1)])
+    tool = TagTrack(
+        position=1e-5 * rng.standard_normal(position.shape),
+        position_std=np.full(position.shape, 1e-5),
+        angle_rad=np.zeros(len(time)),
+        angle_std_rad=np.full(len(time), 1e-3),
+    )
+    product = replace(tool, position=position + 1e-5 * rng.standard_normal(position.shape))
+    track = replace(scene, time_s=time, tcp=tool, pcp=product)
+    events = find_events(track)
+    assert [event.kind for event in events] == ["grip_slip"]
+    window = find_window(track, clean_track(track), events=events)
+    assert window.end_s - window.start_s > 1.5
+    assert window.end_s < 2.01 or window.start_s > 2.03
 
 
 def test_a_tag_that_is_not_seen_any_more_is_lost_not_peeled_off() -> None:

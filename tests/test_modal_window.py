@@ -1,5 +1,6 @@
 """The free vibration is found by itself: after the move or the release, before whatever ends it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,24 @@ def test_a_contact_ends_the_window() -> None:
     window = find_window(*make_tracks(time, noisy(pcp, rng)))
     assert window.start_s < 0.1
     assert 1.7 < window.end_s < 2.5
+
+
+def test_what_a_codec_leaves_of_a_rest_is_no_swing_before_the_move() -> None:
+    # repeated images: 1 µm that dies away, where the source states 10 µm
+    time, pcp, tcp, ended = simulate_move(3.0)
+    rng = np.random.default_rng(13)
+    rest = time < 0.29
+    pcp = noisy(pcp, rng, 1e-5)
+    pcp[rest] = pcp[0] + 1e-6 * np.outer(np.exp(-40 * time[rest]) * np.cos(300 * time[rest]), [1, 0.1])
+    track, clean = make_tracks(time, pcp, tcp)
+    assert track.tcp is not None
+    stated = np.full_like(pcp, 1e-5)
+    track = replace(
+        track, pcp=replace(track.pcp, position_std=stated), tcp=replace(track.tcp, position_std=0.01 * stated)
+    )
+    free = find_free_vibration(track, clean)
+    assert free.window.start_s > ended - 0.05
+    assert free.notices == ()
 
 
 @pytest.mark.parametrize("kind", ["white", "constant", "ramp", "two samples", "all missing", "pushed"])

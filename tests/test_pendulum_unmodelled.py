@@ -93,3 +93,12 @@ def test_dry_friction_is_found_where_there_is_some() -> None:
     friction = found.estimate.coulomb_friction_rad_s2
     assert friction is not None
     assert abs(friction.value - 0.8) < 4 * friction.std  # statistics
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.2])
+def test_weak_dry_friction_does_not_pass_for_a_drag_that_drives(friction: float) -> None:
+    found = fit(replace(SCENE, payload=replace(PAYLOAD, coulomb_friction_rad_s2=friction))).estimate
+    loss, truth = found.damping_over_inertia_rad_s, PAYLOAD.pendulum().damping_over_inertia_rad_s
+    assert loss is not None
+    # statistics: 3 standard errors
+    assert abs(loss.value - truth) < 3 * loss.std

@@ -60,8 +60,9 @@ def find_notices(modal: ModalEstimate, fit: DecayFit, sway: Sway, *, held: bool 
         found.append(
             Notice(
                 code="softening_contradicts_arc",
-                message="the frequency changes along the record by more than the amplitude's fall explains: a clock, "
-                "a length or a camera that drifts; the arc's softening is taken for the small swing",
+                message="the frequency does not change with the swing as that of a pendulum on this arc: a spring that "
+                "stiffens, or a clock, a length or a camera that drifts; the arc's softening is taken for the small "
+                "swing, and its error holds the difference",
             )
         )
     return (*found, *_of_residual(fit), *_of_amplitude(modal, fit, sway))

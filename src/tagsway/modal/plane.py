@@ -171,7 +171,9 @@ def fit_sway(
         prior = _find_softening(sway, fit, in_metres=in_metres)
         fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
     if prior is not None and abs(fit.parameters[SOFTENING] - prior.mean) > CONTRADICTED * prior.std:
-        prior = Softening(mean=prior.mean, std=1e-3 * prior.mean, held=True)
+        # What is held is not extrapolated with, but the errors hold what contradicts it.
+        doubt = float(fit.parameters[SOFTENING]) - prior.mean
+        prior = Softening(mean=prior.mean, std=1e-3 * prior.mean, held=True, doubt=doubt)
         fit = _hold_softening(thin, first, prior)
     if not sway.planar and fit.terms.softening and not fit.terms.square:
         fit = _try_arc(thin, fit)

@@ -38,11 +38,15 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Softening:
-    """What geometry says of the softening before the fit: a normal prior; held where the decay contradicts it."""
+    """What geometry says of the softening before the fit: a normal prior; held where the decay contradicts it.
+
+    `doubt` is by how much it does: the softening is wrong by that, or the decay shows something else beside it.
+    """
 
     mean: float
     std: float
     held: bool = False
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -51,6 +51,7 @@ def judge_fit(
     Noise beyond the images' own comes from the video's compression, and a codec does not only add noise: it holds back
     what moves, like a backlash. Oscillations with the sway's frequency and a constant amplitude of that excess, or of
     what the tracker states of it, are therefore added to the errors; no residual shows them: the fit follows them.
+    So is what a small swing's frequency would change by with a softening that the decay shows, but no arc explains.
     """
     value, every = predict(samples.time_s, p, terms, samples.drive)
     free, residual, size = terms.free, samples.value - value, len(p)
@@ -65,6 +66,10 @@ def judge_fit(
     if samples.drive is not None and terms.driven:
         meat += _meat_of_drive(samples, p, rows / samples.spread[:, None] / scale)
     pulled = bread @ rows.T @ (_common(samples, p, every, scale) / samples.spread[:, None] / scale)
+    if prior is not None and prior.doubt and terms.softening:
+        unseen = bread @ rows.T @ (prior.doubt * every[:, SOFTENING] / samples.spread / scale)
+        unseen[free.index(SOFTENING)] = -prior.doubt * unit[free.index(SOFTENING)]
+        pulled = np.column_stack([pulled, unseen])
     turn = float(p[OMEGA]) * _step(samples.time_s, place)
     return DecayFit(
         parameters=p,

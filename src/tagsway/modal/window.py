@@ -88,7 +88,8 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
     clean : CleanTrack
         The same without spikes; of the tool, its velocity.
     events : sequence of Event
-        What happened to the grip: what follows a peel-off, or a loss, is not looked at.
+        What happened to the grip: what follows a peel-off, or a loss, is not looked at; a slip parts what is before
+        from what is after it.
 
     Returns
     -------
@@ -115,7 +116,7 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
     parted = min((event for event in events if event.ends_grip), key=lambda event: event.time_s.value, default=None)
     last_s = float("inf") if parted is None else parted.time_s.value
     reasons, found = [], []
-    for rest in find_rests(track, clean):
+    for rest in _between_slips(find_rests(track, clean), events):
         if not rest.start_s < last_s:
             continue
         try:
@@ -132,6 +133,17 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
         raise NotIdentifiableError(reasons[0] if len(reasons) == 1 else "nothing swings while the tool is at rest")
     best = max(found, key=lambda candidate: candidate.score)
     return FreeVibration(window=best.window, notices=_explain(best, found))
+
+
+def _between_slips(rests: Sequence[Window], events: Sequence[Event]) -> list[Window]:
+    """Return the rests without the moments at which the grip slipped: a step in z would pass for the sway's axis."""
+    slips = sorted(event.time_s.ci95 for event in events if not event.ends_grip)
+    parts = []
+    for rest in rests:
+        starts = [rest.start_s, *(max(last, rest.start_s) for _, last in slips)]
+        ends = [*(min(first, rest.end_s) for first, _ in slips), rest.end_s]
+        parts += [Window(start_s=a, end_s=b) for a, b in zip(starts, ends, strict=True) if b > a]
+    return parts
 
 
 def _after_large_swings(track: Track, rest: Window) -> Window:
@@ -165,7 +177,9 @@ def _find_free(track: Track, rest: Window) -> _Candidate:
         # As a camera would have seen it: the decay that is followed is that of a projection.
         value = np.sin(np.clip(value - np.median(value), -np.pi / 2, np.pi / 2))
     samples = Samples(time_s=sway.time_s - rest.start_s, value=value, spread=sway.spread)
-    if len(samples.time_s) < 8 or not float(np.ptp(samples.value)) > 0:
+    # A codec that repeats a rest shows it with less than any noise: what is left of that is no swing.
+    least = max(sway.stated_std, sway.pulled_std) if np.isfinite([sway.stated_std, sway.pulled_std]).all() else 0.0
+    if len(samples.time_s) < 8 or not float(np.ptp(samples.value)) > least:
         raise NotIdentifiableError(f"nothing swings {where}: the product does not move")
     core = find_core(samples)
     if core is None:

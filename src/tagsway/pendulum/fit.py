@@ -20,6 +20,9 @@ from tagsway.pendulum.unmodelled import find_sizes, find_ways, share_errors
 LEAST_GAIN = 12.0
 """By which dry friction has to lower χ² to be believed in: about twice what an information criterion asks for."""
 
+DRIVEN_STD = 1.5
+"""By which the drag may come out below zero: no air drives a sway, and dry friction passes for that."""
+
 MOST_STEPS, ROUGH, FINE = 60, 0.1, 1e-3
 """Of a search, and the gain in χ² at which it ends: a tenth is a third of a standard error."""
 
@@ -171,7 +174,8 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     problem = problem.but(shared=shared)
     parameters, cost = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     rubbed = problem.but(rubbed=True)
-    if rubbed.gain(parameters, Unknown.FRICTION) > LEAST_GAIN * max(1.0, cost / len(problem.look(parameters)[0])):
+    least = LEAST_GAIN * max(1.0, cost / len(problem.look(parameters)[0]))
+    if rubbed.gain(parameters, Unknown.FRICTION) > least or _is_driven(problem, parameters):
         problem = rubbed
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     alone = _excess(problem, parameters)
@@ -182,6 +186,14 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
         problem = problem.but(shared=share_errors(problem, ways, sizes))
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     return problem, _solve(problem, parameters, alone=alone, tag_ratio=ratio)
+
+
+def _is_driven(problem: Problem, parameters: FloatArray) -> bool:
+    """Whether the drag is surely below zero: what the payload loses of a swing rises as that falls."""
+    _, jacobian = problem.linearise(parameters)
+    k = int(np.flatnonzero(problem.free == Unknown.DRAG)[0])
+    variance = float(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)[k, k])
+    return float(parameters[Unknown.DRAG]) < -DRIVEN_STD * math.sqrt(max(variance, 0.0))
 
 
 def _find_tag_ratio(problem: Problem, parameters: FloatArray) -> float:

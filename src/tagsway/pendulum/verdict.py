@@ -142,7 +142,7 @@ def _refuse_for_the_motion(record: Record, solution: Solution, swing: float, *, 
     if not solution.left_out <= MOST_LEFT_OUT:
         return _refuse(
             f"{100 * solution.left_out:.0f} % of the samples lie off the path of one pendulum: the product slipped in "
-            "its grip, or something touched it"
+            "its grip, something touched it, or its spring stiffens"
         )
     if not (record.moved or stated or swing >= INDICATIVE_RELEASE_RAD):
         return _refuse(
