@@ -12,7 +12,7 @@ from tagsway.modal.decay import ALPHA, COSINE, OMEGA, PLACES, Terms, predict
 from tagsway.modal.least_squares import DecayFit, Samples, fit_decay
 from tagsway.modal.significance import require_oscillation, significance
 from tagsway.modal.start import find_start
-from tagsway.model import TagTrack, Track, Window
+from tagsway.model import FloatArray, TagTrack, Track, Window
 
 
 def fit_swing(*, amplitude_m: float, pulled_m: float) -> tuple[DecayFit, Samples]:
@@ -24,6 +24,21 @@ def fit_swing(*, amplitude_m: float, pulled_m: float) -> tuple[DecayFit, Samples
     begun = find_start(samples)
     assert begun is not None
     return fit_decay(samples, begun[0], Terms(), scale=begun[1]), samples
+
+
+def make_track(time: FloatArray, path_m: FloatArray, *, noise_m: float, rng: np.random.Generator) -> Track:
+    """A product on a path, below a tool at rest."""
+    nothing = np.full(len(time), np.nan)
+    tool, product = (
+        TagTrack(
+            position=path + noise_m * rng.standard_normal(path.shape),
+            position_std=np.full(path.shape, noise_m),
+            angle_rad=nothing,
+            angle_std_rad=nothing,
+        )
+        for path in (np.zeros_like(path_m), path_m)
+    )
+    return Track(frame=np.arange(len(time)), time_s=time, tcp=tool, pcp=product, length_unit="m")
 
 
 def test_a_swing_of_many_times_the_noise_is_one_though_a_codec_pulls_at_it() -> None:
@@ -60,18 +75,8 @@ def test_a_spring_that_stiffens_widens_the_interval_of_a_small_swings_frequency(
 
     time = np.arange(0, length_s, 1 / 200)
     angle = solve_ivp(accelerate, (0, length_s), [0.36, 0.0], t_eval=time, rtol=1e-9, atol=1e-10).y[0]
-    rng = np.random.default_rng(12)
-    shape, nothing = (len(time), 2), np.full(len(time), np.nan)
-    tags = [
-        TagTrack(
-            position=path + 2e-5 * rng.standard_normal(shape),
-            position_std=np.full(shape, 2e-5),
-            angle_rad=nothing,
-            angle_std_rad=nothing,
-        )
-        for path in (np.zeros(shape), radius * np.column_stack([np.sin(angle), -np.cos(angle)]))
-    ]
-    track = Track(frame=np.arange(len(time)), time_s=time, tcp=tags[0], pcp=tags[1], length_unit="m")
+    path = radius * np.column_stack([np.sin(angle), -np.cos(angle)])
+    track = make_track(time, path, noise_m=2e-5, rng=np.random.default_rng(12))
     fit = identify_modes(track, Window(start_s=0.0, end_s=float(time[-1])))
     found, at_swing = fit.estimate.natural_frequency_hz, fit.estimate.operating_frequency_hz
     assert "softening_contradicts_arc" in [notice.code for notice in fit.notices]
@@ -81,3 +86,16 @@ def test_a_spring_that_stiffens_widens_the_interval_of_a_small_swings_frequency(
     assert abs(found.value - natural_hz) < 3 * found.std
     assert 0.005 < found.std < 0.1
     assert at_swing.std < 0.5 * found.std
+
+
+def test_a_sway_that_every_second_picture_shows_a_little_smaller_has_one_mode() -> None:
+    rate_hz, natural_hz = 120.0, 2.5
+    time, rng = np.arange(440) / rate_hz, np.random.default_rng(14)
+    sway = 0.008 * np.exp(-0.06 * time) * np.cos(2 * np.pi * natural_hz * time)
+    shown = sway * (1 + 0.003 * (-1.0) ** np.arange(len(time)))
+    track = make_track(time, np.column_stack([shown, 0 * shown]), noise_m=1e-5, rng=rng)
+    fit = identify_modes(track, Window(start_s=0.0, end_s=float(time[-1])))
+    assert len(fit.estimate.modes) == 1
+    assert fit.estimate.natural_frequency_hz is not None
+    low, high = fit.estimate.natural_frequency_hz.ci95
+    assert low < natural_hz < high

@@ -25,6 +25,10 @@ NEARBY = (0.5, 1.0, 1.5, 2.2, 3.0)
 FASTEST = 0.9
 """Of half the rate of the images: a coder that keeps more of every second image makes its own swing beyond."""
 
+CODED_ALIKE, SMALL_SHARE = 4, 0.02
+"""A codec treats every second or fourth picture alike, so that the sway is seen once more, that much smaller, beside
+half and a quarter of the frame rate."""
+
 RESOLVED = 0.4
 """Part of a beat that must be seen: two modes closer than that only bend one envelope."""
 
@@ -134,11 +138,24 @@ def _stands_out(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
     ratio = omega / fit.parameters[OMEGA]
     if any(abs(ratio - k) < 0.02 * k for k in (2, 3)):
         return False
+    if _is_codecs(samples, fit, mode):
+        return False
     apart = min(abs(omega - fit.parameters[pole_places(k)[0]]) * _lasting(fit, span, k, mode) for k in range(mode))
     turn = omega * float(np.median(np.diff(samples.time_s)))
     if not (0.02 < ratio < 50 and turn < FASTEST * np.pi and apart > RESOLVED * 2 * np.pi):
         return False
     return amplitude_significance(fit, mode=mode) > NEEDED and amplitude_significance(fit, mode=0) > NEEDED
+
+
+def _is_codecs(samples: Samples, fit: DecayFit, mode: int) -> bool:
+    """Whether a mode is the first one's image at a part of the rate of the samples."""
+    (omega, _, *both), first = fit.parameters[pole_places(mode)[0] :][:4], float(fit.parameters[OMEGA])
+    if not np.hypot(*both) < SMALL_SHARE * np.hypot(*fit.parameters[[k + 2 for k in pole_places(0)]]):
+        return False
+    rate = 2 * np.pi / float(np.median(np.diff(samples.time_s)))
+    beat = 2 * np.pi / float(samples.time_s[-1] - samples.time_s[0])
+    images = [part * rate / CODED_ALIKE + side * first for part in (1, 2) for side in (-1, 1)]
+    return min(abs(float(omega) - image) for image in images) < beat
 
 
 def _lasting(fit: DecayFit, span_s: float, *modes: int) -> float:
