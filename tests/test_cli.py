@@ -258,8 +258,9 @@ def test_a_folder_of_somebody_s_own_files_keeps_them(inside, capsys) -> None:
 
 def test_what_an_earlier_measurement_left_is_taken_away(bag, capsys) -> None:
     move = str(SAMPLES / "move.toml")
-    assert run([str(bag), "--tag-size", "30", "--move", move, "--out", "out", "--quiet"]) == 0
-    assert (bag.parent / "out" / "trajectory.csv").exists()
+    assert run([str(bag), "--tag-size", "30", "--move", move, "--out", "out"]) == 0
+    rows = len((bag.parent / "out" / "trajectory.csv").read_text().splitlines())
+    assert f"trajectory.csv: {rows} samples of 1 ms" in capsys.readouterr().out
     assert run([str(bag), "--tag-size", "30", "--out", "out", "--quiet"]) == 0
     assert not (bag.parent / "out" / "trajectory.csv").exists()
     assert not list((bag.parent / "out").glob(".new-*"))

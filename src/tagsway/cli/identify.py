@@ -86,7 +86,7 @@ def run(
         raise InputError("--out is empty: expected a folder for the results")
     folder = _default_folder(file) if out is None else Path(out)
     measurement = _measure(file, settings, move, folder, overlay=overlay, show_progress=not quiet)
-    _report(measurement, folder, as_json=json, quiet=quiet)
+    _report(measurement, folder, move, as_json=json, quiet=quiet)
 
 
 def _measure(
@@ -111,7 +111,8 @@ def _measure(
     return measurement
 
 
-def _report(measurement: "Measurement", folder: Path, *, as_json: bool, quiet: bool) -> None:
+def _report(measurement: "Measurement", folder: Path, move: Path | None, *, as_json: bool, quiet: bool) -> None:
+    from tagsway.cli.shape import describe_samples
     from tagsway.report.words import summary_lines
     from tagsway.store.documents import dump, result_document
 
@@ -121,6 +122,12 @@ def _report(measurement: "Measurement", folder: Path, *, as_json: bool, quiet: b
         typer.echo("\n".join(summary_lines(measurement.result)))
         opened = "report.html" if measurement.has_page else "result.json"
         typer.echo(f"\nwritten to {folder}/ — open {folder / opened}")
+        if measurement.planned is not None:
+            typer.echo(describe_samples(measurement.planned, folder / "trajectory.csv"))
+            shaper = folder / "shaper.json"
+            typer.echo(
+                f"what that leaves: identify simulate --from {folder / 'result.json'} --move {move} --shaper {shaper}"
+            )
     if measurement.not_determined is not None:
         raise NotIdentifiableError(measurement.not_determined)
 

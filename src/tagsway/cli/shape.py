@@ -211,11 +211,17 @@ def _print_shaper(designed: Shaper, form: ShaperFormat, axes: KlipperAxes) -> st
     return "\n".join(["time_s,amplitude", *rows]) + "\n"
 
 
+def describe_samples(planned: "PlannedMove", out: Path) -> str:
+    """Return how many samples a file holds, and when they are at rest."""
+    sampled = planned.sampled
+    rows, step_ms = len(sampled.position_m), 1e3 * sampled.sample_time_s
+    return f"{out}: {rows} samples of {step_ms:g} ms, at rest after {sampled.moving_s:.4f} s"
+
+
 def _lines(planned: "PlannedMove", out: Path) -> list[str]:
-    sampled, report = planned.sampled, planned.report
-    rows = len(sampled.position_m)
+    report = planned.report
     lines = [
-        f"{out}: {rows} samples of {1e3 * sampled.sample_time_s:g} ms, at rest after {sampled.moving_s:.4f} s",
+        describe_samples(planned, out),
         f"largest acceleration {max(report.peak_acceleration_m_s2):.3g} m/s² on an axis, "
         f"largest velocity {max(report.peak_velocity_m_s):.3g} m/s",
     ]
