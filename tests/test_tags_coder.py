@@ -1,6 +1,7 @@
 import math
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -94,3 +95,58 @@ def test_a_small_sway_that_a_coder_holds_back_has_honest_errors(tmp_path: Path, 
 def test_a_film_without_loss_is_all_image(tmp_path: Path) -> None:
     tag, _ = film(tmp_path / "clip.avi", 0.7, "raw", 0, seed=0)
     assert tag.image_share == 1
+
+
+def measure_held(step_px: float, *, held: float, side_px: float = 60.0) -> np.ndarray:
+    pull = CoderPull()
+    return np.array(
+        [
+            pull.measure(
+                k / FPS,
+                np.array([step_px * k, 50.0, 0.0]),
+                white=WHITE,
+                blocks=WHITE,
+                predicted=k > 0,
+                held=held,
+                side_px=side_px,
+            )
+            for k in range(40)
+        ]
+    )[-1]
+
+
+def test_a_coarse_coder_holds_a_slow_tag_back_further_than_a_fast_one() -> None:
+    slow, fast = measure_held(0.1, held=4.0), measure_held(2.0, held=4.0)
+    assert slow[0] > 3 * fast[0] > 30 * WHITE[0]
+    assert measure_held(0.1, held=4.0, side_px=30.0)[0] < slow[0]
+    assert measure_held(0.1, held=0.0)[0] < WHITE[0]  # nothing but the scatter of a path without any
+    assert measure_held(0.0, held=4.0)[0] == 0  # it never moved
+
+
+@pytest.mark.parametrize(("encoder", "options"), [("libx264", {"preset": "ultrafast", "crf": "24"}), ("mpeg4", {})])
+def test_errors_are_honest_where_blocks_move_by_whole_or_half_pixels(
+    tmp_path: Path, encoder: str, options: dict[str, str]
+) -> None:
+    rng = np.random.default_rng(5)
+    normalised = []
+    for seed in range(2):
+        phase = rng.uniform(0, 2 * math.pi)
+        truth = [60.3 + 2.5 * math.sin(2 * math.pi * 2.3 * k / FPS + phase) for k in range(FRAMES)]
+        path = tmp_path / f"{seed}.mkv"
+        with av.open(str(path), "w") as container:
+            stream = container.add_stream(encoder, rate=round(FPS), options=options)
+            stream.width, stream.height, stream.pix_fmt = 120, 120, "yuv420p"
+            stream.codec_context.thread_count = 1
+            if not options:
+                stream.codec_context.qmin = stream.codec_context.qmax = 5
+            for x in truth:
+                luma = photograph(see_tag(make_pose((x, 59.6), 45, 0.05), (120, 120)), 2.0, rng)
+                planes = np.concatenate([luma.reshape(-1), np.full(7200, 128, np.uint8)]).reshape(180, 120)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")))
+            container.mux(stream.encode(None))
+        with read_frames(path, read_clock(path), full_range=False) as frames:
+            (tag,) = follow_tags(frames, family="tag36h11", tag_ids=[0]).tags
+        square = (tag.centre_px[:, 0] - truth)[SETTLED:] ** 2 / tag.covariance_px2[SETTLED:, 0, 0]
+        normalised.append(square.mean())
+    # statistics: a clip's error is some six independent ones, so 40 % for the mean of two; it was 5 to 9 before
+    assert 0.3 < np.mean(normalised) < 2.0

@@ -26,12 +26,16 @@ class Frame:
         is coded.
     predicted : bool
         Whether a coder made it from other images, so that their errors may live on in it.
+    coarse_step : float
+        Change, in grey levels, that a coder may have left out because it moves blocks by whole or half pixels only: its
+        quantiser's step. 0 for all others.
     """
 
     index: int
     time_s: float
     grey: GreyArray
     predicted: bool = False
+    coarse_step: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

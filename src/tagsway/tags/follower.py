@@ -95,7 +95,12 @@ class Follower:
         predicted = predict_pose(self._poses, frame.time_s)
         travel = self._travel(frame.time_s, predicted)
         sighting = self._aligner.align(
-            frame.grey, predicted, travel_px=travel, time_s=frame.time_s, predicted=frame.predicted
+            frame.grey,
+            predicted,
+            travel_px=travel,
+            time_s=frame.time_s,
+            predicted=frame.predicted,
+            coarse_step=frame.coarse_step,
         )
         if sighting is not None and self._can_be(sighting.homography, frame.time_s, predicted):
             if self._is_still_read(frame, sighting):
@@ -135,7 +140,13 @@ class Follower:
         for tag in mine:
             start = find_homography(tag.corners_px)
             if self._can_be(start, frame.time_s, predicted):
-                sighting = self._aligner.align(frame.grey, start, time_s=frame.time_s, predicted=frame.predicted)
+                sighting = self._aligner.align(
+                    frame.grey,
+                    start,
+                    time_s=frame.time_s,
+                    predicted=frame.predicted,
+                    coarse_step=frame.coarse_step,
+                )
                 if sighting is not None and self._can_be(sighting.homography, frame.time_s, predicted):
                     return True, self._keep(frame, sighting)
         return False, None

@@ -4,6 +4,7 @@ import re
 from array import array
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from av.video.frame import PictureType
 
 from tagsway.errors import InputError
 from tagsway.model import GreyArray, IntArray, Notice
+from tagsway.video.quantiser import EXPORT, find_coarseness, read_step
 from tagsway.video.source import Stamps
 
 _CAPTURE_RATE_KEYS = ("com.android.capture.fps", "com.android.capturefps", "capture_fps", "capturefps")
@@ -22,6 +24,8 @@ _FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 _BLACK, _WHITE = 16, 235  # of 8-bit luma in limited range
 _SQUARE = 2e-3  # pixels whose sides differ by less count as square
 _NO_STAMP = -(2**63)
+_STEP_EVERY = 4  # predicted images: reading it takes as long as a tag
+_STEP_MEMORY = 4  # readings: an error lasts longer than the quantiser that made it
 _BY_ITSELF = (PictureType.NONE, PictureType.I)  # how an image is coded that needs no other
 
 
@@ -34,6 +38,8 @@ class ContainerSource:
         self._aspect = 1.0
         self.turns = 0
         self.predicted = False
+        self.coarse_step = 0.0
+        self._codec, self._coarseness, self._until_step = "", 0.0, 0
 
     def read_stamps(self) -> Stamps:
         """Walk through the packets."""
@@ -57,7 +63,10 @@ class ContainerSource:
             stream.codec_context.thread_count = threads
             stream.codec_context.thread_type = "AUTO" if threads > 1 else "NONE"
             self._aspect = float(stream.sample_aspect_ratio or 1) or 1.0
-            for packet in _packets(container, stream):
+            packets = _packets(container, stream)
+            first = next(packets, None)
+            self._know_coder(stream.codec_context, first)
+            for packet in chain([] if first is None else [first], packets):
                 try:
                     pictures = packet.decode()
                 except av.error.FFmpegError:
@@ -69,6 +78,8 @@ class ContainerSource:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
         grey: Any
         self.predicted = picture.pict_type not in _BY_ITSELF
+        if self._coarseness and self.predicted:
+            self._learn_step(picture)
         if picture.planes[0].line_size < 0:
             # The last row comes first in memory, as in a bitmap: only a conversion knows where the first one is.
             converted = picture.reformat(format="yuvj444p" if picture.format.name == "gray" else "gray")
@@ -87,6 +98,23 @@ class ContainerSource:
             codes = {1: cv2.ROTATE_90_COUNTERCLOCKWISE, 2: cv2.ROTATE_180, 3: cv2.ROTATE_90_CLOCKWISE}
             grey = cv2.rotate(grey, codes[self.turns])
         return np.asarray(grey, dtype=np.uint8)
+
+    def _know_coder(self, context: Any, first: Any) -> None:
+        """Have the decoder tell the quantiser of a coder that moves blocks coarsely."""
+        self._codec = context.name
+        start = b"" if first is None else bytes(first)
+        self._coarseness = find_coarseness(self._codec, bytes(context.extradata or b"") + start)
+        if self._coarseness:
+            context.options = EXPORT
+
+    def _learn_step(self, picture: Any) -> None:
+        self._until_step -= 1
+        if self._until_step < 0:
+            self._until_step = _STEP_EVERY - 1
+            step = read_step(picture, self._codec)
+            if step is not None:
+                change = self._coarseness * step - self.coarse_step
+                self.coarse_step += change / (_STEP_MEMORY if self.coarse_step else 1)
 
     def notices(self) -> tuple[Notice, ...]:
         """Say where images were interlaced, and where pixels were not square."""

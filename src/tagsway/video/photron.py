@@ -59,6 +59,7 @@ class PhotronSource:
 
     turns = 0
     predicted = False
+    coarse_step = 0.0
 
     def __init__(self, path: Path) -> None:
         self._path, header = find_pair(path)

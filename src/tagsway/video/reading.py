@@ -250,7 +250,13 @@ class FrameReader(Iterator[Frame]):
         self._read += 1
         self._taken = place + 1
         time_s = float(self._clock.time_s[place])
-        return Frame(index=place, time_s=time_s, grey=grey, predicted=self._source.predicted)
+        return Frame(
+            index=place,
+            time_s=time_s,
+            grey=grey,
+            predicted=self._source.predicted,
+            coarse_step=self._source.coarse_step,
+        )
 
     def _measure_change(self, grey: GreyArray) -> float:
         """Return by how much some pixels differ from the image before, on average; infinity for the first."""

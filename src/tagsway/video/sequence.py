@@ -115,6 +115,7 @@ class SequenceSource:
 
     turns = 0
     predicted = False
+    coarse_step = 0.0
 
     def __init__(self, sequence: Sequence) -> None:
         self._sequence = sequence

@@ -47,10 +47,13 @@ class Source(Protocol):
         Quarter turns, counter-clockwise, from the sensor's image to the upright one; known once an image was read.
     predicted : bool
         Whether a coder made the image that was read last from other images.
+    coarse_step : float
+        Of that image; see `tagsway.model.Frame`.
     """
 
     turns: int
     predicted: bool
+    coarse_step: float
 
     def read_stamps(self) -> Stamps:
         """Return the stamps of all frames."""
