@@ -83,13 +83,14 @@ class CoderPull:
             Of the tag.
         """
         self.is_at_work = self.is_at_work or predicted
-        uneven = [max(shown - _UNEVEN * even, 0.0) for shown, even in zip(blocks, white, strict=True)]
+        uneven = [max(one - _UNEVEN * even, 0.0) for one, even in zip(blocks, white, strict=True)]
         if not (self.is_at_work or (uneven[0] > 0 and uneven[1] > 0)):
             return [0.0, 0.0, 0.0]
         self._scatter.add(time_s, place, blocks)
-        scatter = self._scatter.variance.tolist()
+        shown = white if self.is_at_work else blocks
+        scatter = [max(one - even, 0.0) for one, even in zip(self._scatter.variance.tolist(), shown, strict=True)]
         if not self.is_at_work:
-            return [max(one - shown, 0.0) for one, shown in zip(scatter, blocks, strict=True)]
+            return scatter
         self._move((float(place[0]), float(place[1])), predicted=predicted)
         fast = 1 + (self._speed_px / _SLOW_PX) ** 2
         shares = _PULLED_TOGETHER[0] / fast, _PULLED_TOGETHER[1] / fast, _PULLED_TOGETHER[2]

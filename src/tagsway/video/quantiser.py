@@ -52,7 +52,8 @@ def read_step(picture: Any, codec: str) -> float | None:
     Returns
     -------
     float or None
-        In grey levels of 0..255, for a transform that keeps lengths; None where the decoder does not tell.
+        In grey levels of 0..255, for a transform that keeps lengths; 0 where it is finer than these, as of a coder that
+        loses nothing; None where the decoder does not tell.
     """
     told = picture.side_data.get(Type.VIDEO_ENC_PARAMS)
     if told is None or not told.nb_blocks:
@@ -60,5 +61,5 @@ def read_step(picture: Any, codec: str) -> float | None:
     words = np.frombuffer(told, np.int32)[told.blocks_offset // 4 :][: _BLOCK_WORDS * told.nb_blocks]
     quantiser = told.qp + words[_BLOCK_WORDS - 1 :: _BLOCK_WORDS].astype(float)
     unit = 2.0 ** (picture.format.components[0].bits - 8)
-    steps = _FIRST_STEP * 2 ** (quantiser / 6) / unit if codec == "h264" else quantiser
-    return float(np.mean(steps))
+    step = float(np.mean(_FIRST_STEP * 2 ** (quantiser / 6) / unit if codec == "h264" else quantiser))
+    return step if step > 1 else 0.0
