@@ -99,3 +99,27 @@ def test_a_sway_that_every_second_picture_shows_a_little_smaller_has_one_mode() 
     assert fit.estimate.natural_frequency_hz is not None
     low, high = fit.estimate.natural_frequency_hz.ci95
     assert low < natural_hz < high
+
+
+def test_an_angle_that_swings_apart_is_in_the_positions_error() -> None:
+    # what a sway towards the camera makes of a position: another phase as it goes on, which the angle does not see
+    time, rng = np.arange(480) / 120.0, np.random.default_rng(15)
+    swing = 0.02 * np.exp(-0.08 * time) * np.cos(2 * np.pi * 2.5 * time)
+    shown = 0.02 * np.exp(-0.08 * time) * np.cos(2 * np.pi * 2.518 * time)
+    radius = 0.06
+    track = make_track(time, radius * np.column_stack([shown, -1 + shown**2 / 2]), noise_m=1e-5, rng=rng)
+    assert track.tcp is not None
+    level = np.zeros_like(time)
+    angles = {"angle_std_rad": np.full(len(time), 2e-4)}
+    track = replace(
+        track,
+        pcp=replace(track.pcp, angle_rad=swing + 2e-4 * rng.standard_normal(len(time)), **angles),
+        tcp=replace(track.tcp, angle_rad=level, **angles),
+    )
+    fit = identify_modes(track, Window(start_s=0.0, end_s=float(time[-1])))
+    found = fit.estimate.natural_frequency_hz
+    assert "angle_disagrees" in [notice.code for notice in fit.notices]
+    assert found is not None
+    # the gap is 0.018 Hz, less what the angle is pulled towards the position, and either may be right
+    assert 0.012 < found.std < 0.022
+    assert abs(found.value - 2.518) < 0.004

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from tagsway.modal.decay import ALPHA, COSINE, OFFSET, OMEGA, SINE, SOFTENING, predict
 from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay, fit_linear_part
@@ -16,13 +16,17 @@ CLEAR = 10.0
 UNLIKELY = 1e-4
 """Probability below which two channels do not show one vibration."""
 
+SAME_SWING = 0.05
+"""Of the frequency, within which two channels that contradict each other speak of one swing."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """A second channel, and the decay of the same terms that was fitted to it alone."""
+    """A second channel, the decay of the same terms that was fitted to it alone, and whether it shows the same swing."""
 
     samples: Samples
     fit: DecayFit
+    agrees: bool = True
 
 
 def fit_channel(
@@ -44,9 +48,9 @@ def fit_channel(
     Returns
     -------
     Channel or None
-        None where it tells little, or something else.
+        None where it tells little.
     tuple of Notice
-        Where the channels contradict each other; the first is then to be kept as it is.
+        Where the channels contradict each other; the first's values are then to be kept as they are.
     """
     if other is None or len(other.value) < 0.5 * len(samples.value):
         return None, ()
@@ -71,10 +75,30 @@ def fit_channel(
             code="angle_disagrees",
             message="the tag's rotation does not swing as its position does "
             f"({second.parameters[OMEGA] / (2 * np.pi):.5g} against {fit.parameters[OMEGA] / (2 * np.pi):.5g} Hz): "
-            "the payload yaws or has a second body; the position decides",
+            "the payload yaws, sways across or has a second body; the position decides, and its errors hold the gap",
         )
-        return None, (notice,)
+        return Channel(samples=other, fit=second, agrees=False), (notice,)
     return Channel(samples=other, fit=second), ()
+
+
+def doubt_fit(fit: DecayFit, second: DecayFit) -> DecayFit:
+    """Return a fit whose pole is as unsure as another witness of the same swing is apart from it."""
+    pole = [OMEGA, ALPHA]
+    apart = second.parameters[pole] - fit.parameters[pole]
+    if not abs(apart[0]) < SAME_SWING * fit.parameters[OMEGA]:
+        return fit
+    column = np.zeros((len(fit.parameters), 1))
+    column[pole, 0] = apart
+    interval, rate = fit.rate_ci95, float(fit.parameters[ALPHA])
+    if interval is not None:
+        low, high = (float(np.hypot(rate - end, norm.ppf(0.975) * apart[1])) for end in interval)
+        interval = (rate - low, rate + high)
+    return replace(
+        fit,
+        covariance=fit.covariance + column @ column.T,
+        common=np.column_stack([fit.common, column]),
+        rate_ci95=interval,
+    )
 
 
 def join_fits(samples: Samples, fit: DecayFit, second: DecayFit, *, prior: Softening | None) -> DecayFit:

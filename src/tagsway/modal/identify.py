@@ -7,7 +7,7 @@ import numpy as np
 from tagsway.modal.backbone import draw_backbone, fit_pieces, mean_amplitude
 from tagsway.modal.blocks import average_blocks, first_omega
 from tagsway.modal.bound import to_modal
-from tagsway.modal.channels import fit_channel, join_fits
+from tagsway.modal.channels import doubt_fit, fit_channel, join_fits
 from tagsway.modal.comparison import compare_estimators, describe_estimators, draw_spectrum
 from tagsway.modal.decay import (
     ALPHA,
@@ -110,9 +110,11 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
     other, contradictions = fit_channel(samples, fit, _angle_samples(sway, begin, fit), prior=prior)
     curvature = _swing_per_length(sway, fit, track)
-    hidden = weigh_losses(samples, fit, curvature=curvature, prior=prior, other=other)
-    fit = fit if other is None else join_fits(samples, fit, other.fit, prior=prior)
+    joined = other if other is not None and other.agrees else None
+    hidden = weigh_losses(samples, fit, curvature=curvature, prior=prior, other=joined)
+    fit = fit if joined is None else join_fits(samples, fit, joined.fit, prior=prior)
     fit = fit if hidden is None else hidden.decide(fit)
+    fit = fit if other is None or other.agrees else doubt_fit(fit, other.fit)
     period = float(2 * np.pi / fit.parameters[OMEGA])
     peaks = find_peaks(samples.time_s, centre(samples, fit), period)
     on_curve = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, period)

@@ -205,7 +205,8 @@ def _notices_of_gaps(
     gaps = []
     if settings.mass_kg is None and pendulum.determined:
         gaps.append(Notice(code="no_mass", message="without --mass k/J and b/J are known, k and b are not"))
-    if indicators is None and track.tcp is not None:
+    # Without a scale no move is looked for: that is said where the scale is.
+    if indicators is None and track.tcp is not None and track.length_unit == "m":
         gaps.append(Notice(code="no_move", message="the tool did not move: there is no move to judge"))
     return tuple(gaps)
 
