@@ -261,8 +261,11 @@ def test_what_an_earlier_measurement_left_is_taken_away(bag, capsys) -> None:
     assert run([str(bag), "--tag-size", "30", "--move", move, "--out", "out"]) == 0
     rows = len((bag.parent / "out" / "trajectory.csv").read_text().splitlines())
     assert f"trajectory.csv: {rows} samples of 1 ms" in capsys.readouterr().out
-    assert run([str(bag), "--tag-size", "30", "--out", "out", "--quiet"]) == 0
+    assert run([str(bag), "--out", "out"]) == 0
     assert not (bag.parent / "out" / "trajectory.csv").exists()
+    said = capsys.readouterr().out
+    assert "without --tag-size nothing is known in mm" in said
+    assert "did not move" not in said
     assert not list((bag.parent / "out").glob(".new-*"))
 
 
