@@ -210,7 +210,7 @@ def test_a_second_video_sees_what_the_design_promised(index, tmp_path) -> None:
     assert loop.chosen["share_kept"] >= 0.95
     assert loop.seen_mm <= WINDOW_MM
     assert loop.true_mm <= WINDOW_MM
-    # Statistics: three standard errors. What the coder does to tags of 20 px is off by 1.6 of the error that track.csv
+    # Statistics: three standard errors. What the coder does to tags of 20 px is off by 1.5 of the error that track.csv
     # states (benchmarks/loop.py): a peak is held back, whole swings long, where a mean of many frames would not be.
     assert loop.seen_mm == pytest.approx(loop.filmed_mm, abs=5 * loop.stated_mm)
     # What one camera cannot tell: a sway of 1.6 mm towards it, 140 mm beside the picture's middle, looks like 0.15 mm.
