@@ -1,6 +1,7 @@
 """Many measurements: sets of files, measured by many workers, each once.
 
 manifest  what a set consists of, and what is said of each file
+listing   a table of files
 jobs      one file: what is asked, what becomes of it, where that is kept
 measuring one file, as a worker measures it
 workers   processes of this machine, or a Dask cluster, behind one interface

@@ -1,6 +1,5 @@
 """What a set consists of: a folder of subsets, a manifest, or one clip with many picks."""
 
-import csv
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,6 +11,7 @@ from tagsway.errors import InputError
 from tagsway.files import read_toml
 from tagsway.model import Settings
 from tagsway.sets.columns import OWN, WHOLE
+from tagsway.sets.listing import number_or_text, read_listing
 from tagsway.sets.options import OPTIONS, inside, make_settings, read_options, unknown_key
 from tagsway.sets.remote import find_remote, is_url, refuse_url
 
@@ -132,7 +132,7 @@ def find_set(
         finder = _Finder(path.parent, leave_out, may_be_empty, stated or {})
         if path.suffix.lower() == ".toml":
             items = list(finder.from_toml(path))
-        elif path.suffix.lower() == ".csv" and (rows := _manifest_rows(path)) is not None:
+        elif path.suffix.lower() == ".csv" and (rows := read_listing(path)) is not None:
             items = list(finder.from_rows(rows, path))
         else:
             items = [
@@ -161,7 +161,7 @@ class _Finder:
         """Return the files of the folder: as its manifest says, or else all of them."""
         if (path := self.root / MANIFEST).exists():
             return list(self.from_toml(path))
-        if (path := self.root / TABLE).exists() and (rows := _manifest_rows(path)) is not None:
+        if (path := self.root / TABLE).exists() and (rows := read_listing(path)) is not None:
             return list(self.from_rows(rows, path))
         return list(self.from_folders())
 
@@ -190,7 +190,7 @@ class _Finder:
 
     def from_rows(self, rows: list[dict[str, str]], path: Path) -> Iterator[Item]:
         for line, row in enumerate(rows, start=2):
-            entry = {name: _number_or_text(text) for name, text in row.items() if text and text.strip()}
+            entry = {name: number_or_text(text) for name, text in row.items() if text and text.strip()}
             for name in ("file", "subset"):
                 if name in entry:
                     entry[name] = row[name].strip()
@@ -284,8 +284,13 @@ class _Finder:
 
 def _walk(folder: Path, leave_out: Path | None) -> Iterator[Path]:
     """Give the videos and tracks in a folder and those below, sorted; nothing hidden, and no folder of results."""
-    with os.scandir(folder) as found:
-        entries = sorted(found, key=lambda entry: entry.name)
+    try:
+        with os.scandir(folder) as found:
+            entries = sorted(found, key=lambda entry: entry.name)
+    except FileNotFoundError:  # removed meanwhile
+        return
+    except OSError as fault:
+        raise InputError(f"{folder} cannot be listed: {(fault.strerror or 'not known').lower()}") from None
     for entry in entries:
         if entry.name.startswith(".") or entry.name.endswith(RESULTS):
             continue
@@ -337,40 +342,6 @@ def as_text(path: Path | str) -> str:
         .encode("utf-8", "surrogateescape")
         .decode("utf-8", "backslashreplace")
     )
-
-
-def _manifest_rows(path: Path) -> list[dict[str, str]] | None:
-    """Return the rows of a table of files; None where it has no column `file`, as a track has none."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as text:
-            header = text.readline()
-            text.seek(0)
-            delimiter = max(",;\t", key=header.count)
-            reader = csv.DictReader(text, delimiter=delimiter, skipinitialspace=True, restval="")
-            if "file" not in [name.strip() for name in reader.fieldnames or ()]:
-                return None
-            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-            rows = []
-            for row in reader:
-                if any(field.strip() for field in row.pop(None, ())):
-                    raise InputError(f"{path}, line {reader.line_num}: expected as many fields as the first line has")
-                rows.append(row)
-            return rows
-    except (UnicodeDecodeError, csv.Error):
-        raise InputError(f"{path} is not a text table; give a table with a column 'file'") from None
-
-
-def _number_or_text(text: str) -> Any:
-    """Return a field of a table as TOML would read it: a number, true or false, or a word."""
-    text = text.strip()
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
 
 
 def _tell_sets_apart(items: list[Item]) -> list[Item]:
