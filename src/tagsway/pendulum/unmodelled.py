@@ -1,7 +1,7 @@
 """What a pendulum does not explain: how large pushes of unknown course must be, and what they leave unknown.
 
-A second body, a spring that stiffens or a gust push the pendulum by what its equation does not hold; a tag that slips,
-or a payload that sways towards the camera, is seen where it is not. The residuals show how large such pushes and
+A second body, a spring that stiffens or a gust push the pendulum by what its equation does not hold; a tag that slips
+is seen where it is not; a sway towards the camera does both. The residuals show how large such pushes and
 wanderings are, though not their course. Taken as random, each is one more way in which samples err together, and a
 parameter is known only as far as it can be told from them.
 """
@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
 from tagsway.model import GRAVITY_M_S2, FloatArray, IntArray
-from tagsway.pendulum.model import angular_frequency, length_m, tag_radius_m
+from tagsway.pendulum.model import angular_frequency, length_m, stiffness_over_inertia, tag_radius_m
 from tagsway.pendulum.problem import Problem, SharedErrors
 from tagsway.pendulum.tangent import Tangent
 
@@ -48,7 +48,7 @@ class Sizes(NamedTuple):
     slip : float
         Of the tag's random walk on its product, from knot to knot, as a share of the arm.
     lift : float
-        Of the error of the tag's height at a knot, as a share of the arm.
+        Of the tag's lift by a sway across at a knot, as a share of the arm.
     """
 
     push: float = 0.0
@@ -72,9 +72,7 @@ def find_ways(problem: Problem, parameters: FloatArray) -> list[FloatArray]:
 
     bodies = tangent.of_push(_reactions(tangent))
 
-    bumps = _bumps(record.time_s, period / LIFT_KNOTS)
-    lift = np.zeros((3, *bumps.shape))
-    lift[1] = arm * bumps
+    lift = _sway_across(tangent, period / LIFT_KNOTS)
 
     since = np.arange(nodes[0], nodes[-1], period / SLIP_KNOTS)[1:]
     steps = arm * (record.time_s[:, None] >= since)
@@ -181,8 +179,26 @@ def _reactions(tangent: Tangent) -> FloatArray:
     return np.stack(pushes, axis=1)
 
 
-def _bumps(time_s: FloatArray, apart_s: float) -> FloatArray:
-    """Return cubic bumps at even distances, shape (n, bumps)."""
-    count = max(math.ceil((time_s[-1] - time_s[0]) / apart_s), 1)
-    place = np.clip((time_s - time_s[0]) * (count / (time_s[-1] - time_s[0])), 0.0, count)
-    return np.asarray(BSpline.design_matrix(place, np.arange(-3.0, count + 4), 3).toarray())
+def _sway_across(tangent: Tangent, apart_s: float) -> FloatArray:
+    """Return what bumps of h = s²/2 do to the samples, shape (3, n, bumps), s the angle of a sway across.
+
+    With x = r sin q and z = -r cos q cos s, the sway lifts the tag by r h cos q, and it pushes q by
+    -½ s'² sin 2q + h (g/l sin q + 2/3 k/J q), where s'² = h'' + 2 ω² h as s swings with ω, too.
+    """
+    record, p = tangent.record, tangent.parameters[:, 0]
+    q, omega = tangent.angle_rad[:, :1], float(angular_frequency(p))
+    rise, bent = (_bumps(record.nodes_s, apart_s, slope=slope) for slope in (0, 2))
+    pull = GRAVITY_M_S2 / float(length_m(p)) * np.sin(q) + 2 / 3 * float(stiffness_over_inertia(p)) * q
+    lift = tangent.of_push(pull * rise - np.sin(2 * q) / 2 * (bent + 2 * omega**2 * rise))
+    up = np.cos(np.interp(record.time_s, record.nodes_s, q[:, 0]))
+    lift[1] += float(tag_radius_m(p)) * up[:, None] * _bumps(record.time_s, apart_s)
+    return lift
+
+
+def _bumps(time_s: FloatArray, apart_s: float, *, slope: int = 0) -> FloatArray:
+    """Return cubic bumps at even distances, or their derivatives, shape (n, bumps)."""
+    span = float(time_s[-1] - time_s[0])
+    count = max(math.ceil(span / apart_s), 1)
+    place = np.clip((time_s - time_s[0]) * (count / span), 0.0, count)
+    bumps = BSpline(np.arange(-3.0, count + 4), np.eye(count + 3), 3)(place, nu=slope)
+    return np.asarray(bumps * (count / span) ** slope)
