@@ -22,7 +22,7 @@ SAME_SWING = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """A second channel, the decay of the same terms that was fitted to it alone, and whether it shows the same swing."""
+    """A second channel, the decay of the same terms that was fitted to it alone, and whether both show one swing."""
 
     samples: Samples
     fit: DecayFit
