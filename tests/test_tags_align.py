@@ -5,8 +5,9 @@ import pytest
 
 from tag_images import bound_centre, make_pose, photograph, see_tag
 from tagsway.model import Sighting
-from tagsway.tags.align import Aligner
+from tagsway.tags.align import Aligner, _find_shutter
 from tagsway.tags.pose import CORNERS, find_homography, measure_scale, project
+from tagsway.tags.template import make_template
 
 SHAPE = (130, 140)
 
@@ -181,3 +182,13 @@ def test_homography_and_corners_are_each_others_inverse() -> None:
     np.testing.assert_allclose(find_homography(project(pose, CORNERS)), pose, atol=1e-4)  # identity, in float32 corners
     assert measure_scale(make_pose((70.3, 64.8), 60, 0.7)) == pytest.approx(30)
     assert math.isnan(measure_scale(pose @ np.diag([-1.0, 1.0, 1.0])))
+
+
+def test_the_share_of_a_motion_that_blurs_is_found_between_the_ones_tried() -> None:
+    rng = np.random.default_rng(0)
+    pose, travel = make_pose((80.3, 80.6), 60, 0.1), (6.0, 0.5)
+    template = make_template("tag36h11", 0, scale_px=30.0, blur_px=0.5)
+    for share in (0.25, 0.5, 0.7):
+        image = see_tag(pose, (160, 160), motion_px=(share * travel[0], share * travel[1]))
+        found = _find_shutter(photograph(image, 2, rng), pose, template, travel)
+        assert found == pytest.approx(share, abs=0.05)  # discretisation: a parabola through three shares 0.2 apart

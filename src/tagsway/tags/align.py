@@ -283,7 +283,14 @@ def _find_shutter(
     best = int(np.argmin(left))
     if not 0 < best < len(left) - 1:
         return _SHUTTERS[best] if math.isfinite(left[best]) else None
-    return _SHUTTERS[best] + _find_lowest(*left[best - 1 : best + 2]) * (_SHUTTERS[1] - _SHUTTERS[0])
+    # What a blur that is too long or too short leaves goes with the difference of the squares of their lengths.
+    squares = np.square(_SHUTTERS[best - 1 : best + 2])
+    before, after = ((left[best] - left[k]) / (squares[1] - squares[k - best + 1]) for k in (best - 1, best + 1))
+    curvature = (after - before) / (squares[2] - squares[0])
+    if not (math.isfinite(curvature) and curvature > 0):
+        return _SHUTTERS[best]
+    lowest = (squares[0] + squares[1] - before / curvature) / 2
+    return math.sqrt(min(max(lowest, squares[0]), squares[2]))
 
 
 def _residual(grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]) -> float:
