@@ -74,6 +74,7 @@ def fit_linear_part(samples: Samples, omega: float, alpha: float) -> tuple[Float
     return p, scale
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a trial step may fly off: it is turned back
 def solve(
     samples: Samples, start: FloatArray, terms: Terms, *, scale: float, prior: Softening | None = None
 ) -> tuple[FloatArray, float]:

@@ -182,6 +182,9 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     ratio = _find_tag_ratio(problem, parameters) if alone > LARGEST_EXCESS else 1.0
     ways = find_ways(problem, parameters)
     sizes = find_sizes(problem, parameters, ways)
+    if sizes.lift > 0:
+        ways = find_ways(problem, parameters, pushing=True)
+        sizes = find_sizes(problem, parameters, ways)
     if any(sizes):
         problem = problem.but(shared=share_errors(problem, ways, sizes))
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")

@@ -60,8 +60,11 @@ class Sizes(NamedTuple):
 BODY = Sizes._fields.index("body")
 
 
-def find_ways(problem: Problem, parameters: FloatArray) -> list[FloatArray]:
-    """Return what each kind does to the samples at its unit size, over their noise: shape (samples, knots) each."""
+def find_ways(problem: Problem, parameters: FloatArray, *, pushing: bool = False) -> list[FloatArray]:
+    """Return what each kind does to the samples at its unit size, over their noise: shape (samples, knots) each.
+
+    A lift pushes only where it was found without: a slip may look like one that does.
+    """
     record, tangent = problem.record, Tangent.of(problem.record, parameters)
     period, arm = 2 * np.pi / float(angular_frequency(parameters)), float(tag_radius_m(parameters))
     nodes = record.nodes_s
@@ -72,7 +75,10 @@ def find_ways(problem: Problem, parameters: FloatArray) -> list[FloatArray]:
 
     bodies = tangent.of_push(_reactions(tangent))
 
-    lift = _sway_across(tangent, period / LIFT_KNOTS)
+    bumps = _bumps(record.time_s, period / LIFT_KNOTS)
+    lift = np.zeros((3, *bumps.shape))
+    lift[1] = arm * bumps
+    lift = _sway_across(tangent, period / LIFT_KNOTS) if pushing else lift
 
     since = np.arange(nodes[0], nodes[-1], period / SLIP_KNOTS)[1:]
     steps = arm * (record.time_s[:, None] >= since)
@@ -190,15 +196,16 @@ def _sway_across(tangent: Tangent, apart_s: float) -> FloatArray:
     rise, bent = (_bumps(record.nodes_s, apart_s, slope=slope) for slope in (0, 2))
     pull = GRAVITY_M_S2 / float(length_m(p)) * np.sin(q) + 2 / 3 * float(stiffness_over_inertia(p)) * q
     lift = tangent.of_push(pull * rise - np.sin(2 * q) / 2 * (bent + 2 * omega**2 * rise))
-    up = np.cos(np.interp(record.time_s, record.nodes_s, q[:, 0]))
-    lift[1] += float(tag_radius_m(p)) * up[:, None] * _bumps(record.time_s, apart_s)
+    up = np.cos(np.interp(record.time_s, record.nodes_s, q[:, 0]))[:, None]
+    lift[1] += float(tag_radius_m(p)) * up * _bumps(record.time_s, apart_s, ends=record.nodes_s[[0, -1]])
     return lift
 
 
-def _bumps(time_s: FloatArray, apart_s: float, *, slope: int = 0) -> FloatArray:
-    """Return cubic bumps at even distances, or their derivatives, shape (n, bumps)."""
-    span = float(time_s[-1] - time_s[0])
-    count = max(math.ceil(span / apart_s), 1)
-    place = np.clip((time_s - time_s[0]) * (count / span), 0.0, count)
+def _bumps(time_s: FloatArray, apart_s: float, *, ends: FloatArray | None = None, slope: int = 0) -> FloatArray:
+    """Return cubic bumps at even distances between the ends of the times or others, or slopes, shape (n, bumps)."""
+    ends = time_s[[0, -1]] if ends is None else ends
+    count = max(math.ceil((ends[1] - ends[0]) / apart_s), 1)
+    per_s = count / (ends[1] - ends[0])
+    place = np.clip((time_s - ends[0]) * per_s, 0.0, count)
     bumps = BSpline(np.arange(-3.0, count + 4), np.eye(count + 3), 3)(place, nu=slope)
-    return np.asarray(bumps * (count / span) ** slope)
+    return np.asarray(bumps * per_s**slope)

@@ -35,8 +35,8 @@ MOST_LEFT_OUT = 0.1
 LARGEST_LENGTH_STD = 0.03
 """Relative standard error of l."""
 
-SURE_LENGTH_STD = 0.005
-"""The same of a claim, which is one of 1 %: two standard errors."""
+SURE_LENGTH = 0.01
+"""Half of the 95 % interval of l, over l, of a claim: it is one of 1 %."""
 
 LARGEST_STIFFNESS_STD = 0.1
 """Standard error of k/J over k/J, or what the longer half of the profile's interval makes of it."""
@@ -106,11 +106,11 @@ def judge(record: Record, solution: Solution, ridge: Ridge, priors: tuple[Prior,
         )
     if not (record.moved or stated):
         return Verdict(kind="indicative", reason=f"indicative only: a release at {swing:.2f} rad, without a move")
-    if not length.std <= SURE_LENGTH_STD * length.value:
+    half = NORMAL_95 * length.std / length.value
+    if not half <= SURE_LENGTH:
         return Verdict(
             kind="indicative",
-            reason=f"indicative only: l is known to {100 * length.std / length.value:.1f} %, expected "
-            f"{100 * SURE_LENGTH_STD:g} %",
+            reason=f"indicative only: l is known to ±{100 * half:.2f} % (95 %), expected ±{100 * SURE_LENGTH:g} %",
         )
     low, high = stiffness.ci95
     if low <= 0 and high <= FREE_SHARE * GRAVITY_M_S2 / length.value:
