@@ -27,6 +27,7 @@ import numpy as np
 import tagsway.pipeline.assembling as assembling
 import tagsway.pipeline.measurement as stages
 import tagsway.pipeline.output as outputs
+import tagsway.report.figures as figures
 from tagsway.model import GRAVITY_M_S2, FloatArray, GreyArray, Settings
 from tagsway.pipeline import identify, write_measurement
 from tagsway.pipeline.recording import track_video
@@ -48,7 +49,7 @@ STAGES = {
     "pendulum": (stages, "fit_pendulum"),
     "indicators": (assembling, "measure_indicators"),
     "write everything": (outputs, "_write_all"),
-    "  of this, figures": (outputs, "write_figures"),
+    "  of this, figures": (figures, "write_figures"),
     "  of this, page": (outputs, "render_page"),
 }
 

@@ -310,7 +310,7 @@ def test_an_interrupted_run_says_so_and_leaves_nothing(inside, capsys, monkeypat
         raise KeyboardInterrupt
 
     a_track(inside)
-    monkeypatch.setattr("tagsway.pipeline.output.write_figures", interrupt)
+    monkeypatch.setattr("tagsway.report.figures.write_figures", interrupt)
     assert run(["swing.csv", "--quiet"]) == 1
     assert complaint(capsys) == "error: interrupted"
     assert nothing_written(inside)
