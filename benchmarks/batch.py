@@ -38,7 +38,7 @@ def main() -> None:
     """Run the part that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="?", default="scaling", choices=["scaling", "kills", "rows"])
-    parser.add_argument("--files", type=int, default=16)
+    parser.add_argument("--files", type=int, default=100)
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--rows", type=int, default=100_000)
     options = parser.parse_args()

@@ -209,6 +209,15 @@ def test_where_nothing_swings_no_window_is_found(kind: str) -> None:
         find_window(*make_tracks(time, pcp))
 
 
+def test_of_several_rests_without_a_swing_the_longest_says_why() -> None:
+    rng = np.random.default_rng(16)
+    time, _, tcp, ended = simulate_move(start=0.8)
+    with pytest.raises(
+        NotIdentifiableError, match=rf"of 2 rests of the tool the longest, {ended:.1f}\d to .*: nothing"
+    ):
+        find_window(*make_tracks(time, noisy(tcp - [0, LENGTH_M], rng), noisy(tcp, rng)))
+
+
 @pytest.mark.slow
 def test_wandering_is_hardly_ever_taken_for_a_swing() -> None:
     rng, trials, taken = np.random.default_rng(7), 30, 0

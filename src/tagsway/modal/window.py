@@ -115,14 +115,15 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
         )
     parted = min((event for event in events if event.ends_grip), key=lambda event: event.time_s.value, default=None)
     last_s = float("inf") if parted is None else parted.time_s.value
-    reasons, found = [], []
+    found: list[_Candidate] = []
+    failed: list[tuple[Window, str]] = []
     for rest in _between_slips(find_rests(track, clean), events):
         if not rest.start_s < last_s:
             continue
         try:
             found.append(_find_free(track, _after_large_swings(track, replace(rest, end_s=min(rest.end_s, last_s)))))
         except NotIdentifiableError as error:
-            reasons.append(str(error))
+            failed.append((rest, str(error)))
     if not found and parted is not None:
         raise NotIdentifiableError(
             f"nothing swings freely before {parted.time_s.value:.2f} s, where {parted.words}: move it more gently, or "
@@ -130,9 +131,18 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
             code=parted.kind,
         )
     if not found:
-        raise NotIdentifiableError(reasons[0] if len(reasons) == 1 else "nothing swings while the tool is at rest")
+        raise NotIdentifiableError(_why_nothing(failed))
     best = max(found, key=lambda candidate: candidate.score)
     return FreeVibration(window=best.window, notices=_explain(best, found))
+
+
+def _why_nothing(failed: Sequence[tuple[Window, str]]) -> str:
+    """Return why nothing was found: of several rests, what the longest one showed."""
+    if not failed:
+        return "nothing swings while the tool is at rest"
+    rest, reason = max(failed, key=lambda one: one[0].end_s - one[0].start_s)
+    where = f"of {len(failed)} rests of the tool the longest, {rest.start_s:.2f} to {rest.end_s:.2f} s: "
+    return reason if len(failed) == 1 else where + reason
 
 
 def _between_slips(rests: Sequence[Window], events: Sequence[Event]) -> list[Window]:
