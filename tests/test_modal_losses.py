@@ -11,10 +11,10 @@ from scipy.stats import norm, truncnorm
 from pendulum_scenes import FLEXIBLE, Recording, pick_and_place, record
 from tagsway.filters import clean_track
 from tagsway.modal import find_window, identify_modes
-from tagsway.modal.channels import Channel, join_fits
+from tagsway.modal.channels import Channel, doubt_fit, join_fits
 from tagsway.modal.decay import ALPHA, DRAG, FRICTION, OMEGA
 from tagsway.modal.least_squares import DecayFit, fit_decay
-from tagsway.modal.losses import HiddenLosses, _hold_positive, weigh_losses
+from tagsway.modal.losses import HiddenLosses, _hold_positive, _is_sound, weigh_losses
 from tagsway.modal.plane import fit_plane
 from tagsway.modal.sway import measure_sway
 from tagsway.model import ModalEstimate
@@ -102,6 +102,30 @@ def test_an_angle_tells_of_hidden_losses_what_it_tells_of_the_decay() -> None:
     joined = join_fits(plane.samples, plane.fit, second, prior=plane.prior)
     # statistics: the losses take of the damping, hardly of the frequency
     assert abs(both.fit.parameters[OMEGA] / joined.parameters[OMEGA] - 1) < 1e-4
+
+
+def test_a_fit_that_lost_its_way_is_not_joined_with_another() -> None:
+    hidden, _ = weigh(0.0, seed=0)
+    sound, places = hidden.fit, [DRAG, FRICTION]
+    assert _is_sound(sound, places)
+    for part in ("parameters", "covariance"):
+        assert not _is_sound(replace(sound, **{part: np.nan * getattr(sound, part)}), places)
+    assert not _is_sound(replace(sound, covariance=0 * sound.covariance), places)
+
+
+def test_a_witness_of_the_same_swing_that_disagrees_widens_the_errors_by_the_gap() -> None:
+    _, fit = weigh(0.0, seed=0)
+    gap = np.zeros(len(fit.parameters))
+    gap[OMEGA], gap[ALPHA] = 0.01 * fit.parameters[OMEGA], 0.5
+    rate = float(fit.parameters[ALPHA])
+    fit = replace(fit, rate_ci95=(rate - 0.01, rate + 0.02))
+    doubted = doubt_fit(fit, replace(fit, parameters=fit.parameters + gap))
+    widened = np.sqrt(np.diag(doubted.covariance - fit.covariance))
+    assert widened[[OMEGA, ALPHA]] == pytest.approx(gap[[OMEGA, ALPHA]], rel=1e-9)  # identity
+    assert doubted.rate_ci95 == pytest.approx((rate - np.hypot(0.01, 0.98), rate + np.hypot(0.02, 0.98)), abs=1e-4)
+    # Another swing is no witness.
+    gap[OMEGA] = 0.1 * fit.parameters[OMEGA]
+    assert doubt_fit(fit, replace(fit, parameters=fit.parameters + gap)) is fit
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e200])

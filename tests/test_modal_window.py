@@ -9,8 +9,8 @@ import pytest
 from tagsway.dynamics import PendulumEnsemble, simulate_sway
 from tagsway.errors import NotIdentifiableError
 from tagsway.modal import find_window, identify_modes
-from tagsway.modal.window import find_free_vibration
-from tagsway.model import CleanTagTrack, CleanTrack, FloatArray, Pendulum, TagTrack, Track
+from tagsway.modal.window import _between_slips, find_free_vibration
+from tagsway.model import CleanTagTrack, CleanTrack, Estimate, Event, FloatArray, Pendulum, TagTrack, Track, Window
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "real"
 RATE_HZ = 200.0
@@ -207,6 +207,15 @@ def test_where_nothing_swings_no_window_is_found(kind: str) -> None:
     }[kind]
     with pytest.raises(NotIdentifiableError, match="nothing swings"):
         find_window(*make_tracks(time, pcp))
+
+
+def test_slips_that_overlap_leave_what_lies_between_none_of_them() -> None:
+    slips = [
+        Event(kind="grip_slip", time_s=Estimate(value=(a + b) / 2, std=0.1, ci95=(a, b)))
+        for a, b in [(1.0, 5.0), (2.0, 3.0), (8.0, 12.0)]
+    ]
+    parts = _between_slips([Window(start_s=0.5, end_s=10.0), Window(start_s=20.0, end_s=21.0)], slips)
+    assert [(part.start_s, part.end_s) for part in parts] == [(0.5, 1.0), (5.0, 8.0), (20.0, 21.0)]
 
 
 def test_of_several_rests_without_a_swing_the_longest_says_why() -> None:

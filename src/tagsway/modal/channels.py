@@ -71,11 +71,12 @@ def fit_channel(
         both[shared.index(SOFTENING), shared.index(SOFTENING)] += prior.std**2
     distance = float(apart @ np.linalg.pinv(both, hermitian=True) @ apart)
     if not chi2.sf(distance, len(shared)) > UNLIKELY:
+        held = ", and its errors hold the gap" if _is_one_swing(fit, second) else ""
         notice = Notice(
             code="angle_disagrees",
             message="the tag's rotation does not swing as its position does "
             f"({second.parameters[OMEGA] / (2 * np.pi):.5g} against {fit.parameters[OMEGA] / (2 * np.pi):.5g} Hz): "
-            "the payload yaws, sways across or has a second body; the position decides, and its errors hold the gap",
+            f"the payload yaws, sways across or has a second body; the position decides{held}",
         )
         return Channel(samples=other, fit=second, agrees=False), (notice,)
     return Channel(samples=other, fit=second), ()
@@ -85,7 +86,7 @@ def doubt_fit(fit: DecayFit, second: DecayFit) -> DecayFit:
     """Return a fit whose pole is as unsure as another witness of the same swing is apart from it."""
     pole = [OMEGA, ALPHA]
     apart = second.parameters[pole] - fit.parameters[pole]
-    if not abs(apart[0]) < SAME_SWING * fit.parameters[OMEGA]:
+    if not _is_one_swing(fit, second):
         return fit
     column = np.zeros((len(fit.parameters), 1))
     column[pole, 0] = apart
@@ -99,6 +100,10 @@ def doubt_fit(fit: DecayFit, second: DecayFit) -> DecayFit:
         common=np.column_stack([fit.common, column]),
         rate_ci95=interval,
     )
+
+
+def _is_one_swing(fit: DecayFit, second: DecayFit) -> bool:
+    return bool(abs(second.parameters[OMEGA] - fit.parameters[OMEGA]) < SAME_SWING * fit.parameters[OMEGA])
 
 
 def join_fits(samples: Samples, fit: DecayFit, second: DecayFit, *, prior: Softening | None) -> DecayFit:

@@ -140,9 +140,19 @@ def weigh_losses(
         return None
     loose = _fit_near(samples, fit, absent, prior)
     if other is not None:
-        loose = join_fits(samples, loose, _fit_near(other.samples, other.fit, absent, prior), prior=prior)
+        second = _fit_near(other.samples, other.fit, absent, prior)
+        if not (_is_sound(loose, absent) and _is_sound(second, absent)):
+            return None
+        loose = join_fits(samples, loose, second, prior=prior)
     std = _find_widths(loose, absent, curvature)
     return None if std is None else _average_sets(samples, loose, absent, std)
+
+
+def _is_sound(fit: DecayFit, places: list[int]) -> bool:
+    """Whether a fit that was loosened at these places has not lost its way."""
+    own = fit.covariance[np.ix_(places, places)]
+    numbers = np.concatenate([fit.parameters, fit.covariance.ravel()])
+    return bool(np.all(np.isfinite(numbers)) and np.all(np.diag(own)))
 
 
 def _average_sets(samples: Samples, loose: DecayFit, places: list[int], std: FloatArray) -> HiddenLosses:
@@ -173,8 +183,8 @@ def _average_sets(samples: Samples, loose: DecayFit, places: list[int], std: Flo
 
 def _find_widths(fit: DecayFit, places: list[int], curvature: float) -> FloatArray | None:
     """Return how large these losses may be beforehand; None where the fit to be loosened has lost its way."""
-    p, own = fit.parameters, fit.covariance[np.ix_(places, places)]
-    if not (np.all(np.isfinite(p)) and np.all(np.isfinite(own)) and np.all(np.diag(own))):
+    p = fit.parameters
+    if not _is_sound(fit, places):
         return None
     swing_rad, omega = float(np.hypot(p[COSINE], p[SINE])) * curvature, float(p[OMEGA])
     if not (SWINGS_RAD[0] < swing_rad < SWINGS_RAD[1] and omega > 0):

@@ -150,9 +150,11 @@ def _between_slips(rests: Sequence[Window], events: Sequence[Event]) -> list[Win
     slips = sorted(event.time_s.ci95 for event in events if not event.ends_grip)
     parts = []
     for rest in rests:
-        starts = [rest.start_s, *(max(last, rest.start_s) for _, last in slips)]
-        ends = [*(min(first, rest.end_s) for first, _ in slips), rest.end_s]
-        parts += [Window(start_s=a, end_s=b) for a, b in zip(starts, ends, strict=True) if b > a]
+        start = rest.start_s
+        for first, last in [*slips, (rest.end_s, rest.end_s)]:
+            if min(first, rest.end_s) > start:
+                parts.append(Window(start_s=start, end_s=min(first, rest.end_s)))
+            start = max(start, last)
     return parts
 
 

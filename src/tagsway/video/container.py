@@ -101,7 +101,7 @@ class ContainerSource:
 
     def _know_coder(self, context: Any, first: Any) -> None:
         """Have the decoder tell the quantiser of a coder that moves blocks coarsely."""
-        self._codec = context.name
+        self._codec, self.coarse_step, self._until_step = context.name, 0.0, 0
         start = b"" if first is None else bytes(first)
         self._coarseness = find_coarseness(self._codec, bytes(context.extradata or b"") + start)
         if self._coarseness:
