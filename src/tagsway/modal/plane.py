@@ -219,15 +219,17 @@ def _shows_square(fit: DecayFit) -> bool:
 
 
 def _find_softening(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softening:
-    hides = fit.terms.square and not _shows_square(fit)
-    return _softening_of_weight(fit) if hides else _softening_of_arc(sway, fit, in_metres=in_metres)
+    if fit.terms.square and not _shows_square(fit):
+        return _softening_of_weight(fit, in_metres=in_metres)
+    return _softening_of_arc(sway, fit, in_metres=in_metres)
 
 
-def _softening_of_weight(fit: DecayFit) -> Softening:
+def _softening_of_weight(fit: DecayFit, *, in_metres: bool) -> Softening:
     """Return what is known of a swing that hides: no more than the overtone allows, nor than gravity alone makes."""
     p, std = fit.parameters, float(fit.covariance[SQUARE, SQUARE]) ** 0.5
-    of_weight = (float(np.hypot(p[COSINE], p[SINE])) * float(p[OMEGA]) ** 2 / GRAVITY_M_S2) ** 2
-    most = min(of_weight, max(float(p[SQUARE]), 0.0) + 2 * std) / 16
+    most = (max(float(p[SQUARE]), 0.0) + 2 * std) / 16
+    if in_metres:
+        most = min(most, (float(np.hypot(p[COSINE], p[SINE])) * float(p[OMEGA]) ** 2 / GRAVITY_M_S2) ** 2 / 16)
     return Softening(mean=most / 2, std=most / 2)
 
 
