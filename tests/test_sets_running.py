@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,25 @@ def test_the_process_that_workers_are_copied_from_may_be_killed_too(root, tmp_pa
         measure_set(root, ledger, lambda: local_crew(2), begin=lambda *_: None, report=kill_it)
     assert tables(out) == undisturbed
     assert len(events(out, "finished")) == len(set(events(out, "finished"))) == 6
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not FORKED, reason="each worker loads for itself there")
+def test_one_that_is_dying_and_refuses_is_waited_for(root, tmp_path, undisturbed, monkeypatch) -> None:
+    start, refusals = forkserver.connect_to_new_process, iter([ConnectionRefusedError(), EOFError(), BrokenPipeError()])
+
+    def refuse_thrice(fds):  # what is there for some milliseconds after a kill, held open
+        for refusal in refusals:
+            raise refusal
+        return start(fds)
+
+    monkeypatch.setattr(forkserver, "connect_to_new_process", refuse_thrice)
+    out = tmp_path / "out"
+    with open_ledger(out) as ledger:
+        measure_set(root, ledger, lambda: local_crew(2), begin=lambda *_: None, report=lambda _: None)
+    assert tables(out) == undisturbed
+    assert len(events(out, "finished")) == len(set(events(out, "finished"))) == 6
+    assert next(refusals, None) is None
 
 
 @pytest.mark.slow

@@ -5,13 +5,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
-from tagsway.errors import InputError
+from tagsway.errors import InputError, TagswayError
 
 NATIVE_POOLS = (
     "OMP_NUM_THREADS",
@@ -29,6 +30,12 @@ FORKED = sys.platform == "linux"
 """Whether one process loads that and is copied for each worker. Elsewhere what it loads may not survive a copy."""
 
 CONNECT_S = 10
+
+DYING_S = 30
+"""How long a process that was killed may take to be gone: until then it is there, and refuses."""
+
+REFUSED = (ConnectionError, EOFError)
+"""What a process is answered that asks a dying one for a copy."""
 
 
 class Crew(Protocol):
@@ -79,6 +86,7 @@ class LocalCrew:
         """Start a new pool: one that has lost a process takes no more jobs."""
         self.stop()
         self._start()
+        _await_copies()
 
     def died(self, fault: BaseException) -> bool:
         """Tell whether a job ended because its worker did."""
@@ -97,7 +105,7 @@ class LocalCrew:
         context = multiprocessing.get_context("forkserver" if FORKED else "spawn")
         end, self._lifeline = context.Pipe(duplex=False)
         counter = context.Value("i", 0)
-        self._pool = ProcessPoolExecutor(self._workers, mp_context=context, initializer=_begin, initargs=(end, counter))
+        self._pool = _Pool(self._workers, mp_context=context, initializer=_begin, initargs=(end, counter))
         with _deaf_to_interrupts():  # a process that starts inherits it: Ctrl-C is the parent's to answer
             if FORKED:  # workers are copied as jobs come; until then there is time for something else
                 from multiprocessing import forkserver
@@ -107,6 +115,15 @@ class LocalCrew:
             else:
                 for _ in range(self._workers):
                     self._pool.submit(os.getpid)
+
+
+class _Pool(ProcessPoolExecutor):
+    def submit(self, work: Callable[..., Any], /, *args: Any, **options: Any) -> Future[Any]:
+        """Take a job; a pool whose processes cannot be copied any more is broken as one that has lost a process."""
+        try:
+            return super().submit(work, *args, **options)
+        except REFUSED as fault:
+            raise BrokenExecutor(f"the process that workers are copied from is gone ({fault})") from fault
 
 
 class ClusterCrew:
@@ -196,6 +213,29 @@ def cluster_crew(address: str) -> Iterator[ClusterCrew]:
             yield crew
         finally:
             crew.executor.shutdown(wait=False)
+
+
+def _await_copies() -> None:
+    """Wait until processes start again: the one they are copied from may have been killed, and be dying still.
+
+    Raises
+    ------
+    TagswayError
+        Where they do not for a long time.
+    """
+    end_s = time.monotonic() + DYING_S
+    while FORKED:
+        trial = multiprocessing.get_context("forkserver").Process(target=os.getpid)
+        try:
+            with _deaf_to_interrupts():
+                trial.start()
+        except REFUSED as fault:
+            if time.monotonic() > end_s:
+                raise TagswayError(f"no worker can be started ({fault}); the same command goes on later") from None
+            time.sleep(0.05)
+        else:
+            trial.join()
+            return
 
 
 @contextmanager
