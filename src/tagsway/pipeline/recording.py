@@ -197,6 +197,7 @@ def track_video(
 def _reporting(frames: Iterable[Frame], total: int, progress: Progress | None) -> Iterator[Frame]:
     for done, frame in enumerate(frames, start=1):
         yield frame
+        del frame
         if progress is not None and (done % REPORT_EVERY == 0 or done == total):
             progress(done, total)
 

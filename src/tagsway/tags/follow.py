@@ -94,6 +94,7 @@ def follow_tags(frames: Iterable[Frame], *, family: str, tag_ids: Sequence[int])
                 next_look *= 2
             for tag in wanted:
                 tag.record()
+            del frame
     picked = [tag.pick() for tag in wanted]
     return TagTracks(
         frame=np.array(index, dtype=np.int64),

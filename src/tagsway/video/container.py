@@ -71,8 +71,9 @@ class ContainerSource:
                     pictures = packet.decode()
                 except av.error.FFmpegError:
                     continue
-                for picture in pictures:
-                    yield picture.pts, picture
+                pictures.reverse()
+                while pictures:  # none is held while the next one is decoded: its memory is what that is decoded into
+                    yield _with_stamp(pictures.pop())
 
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
@@ -129,6 +130,10 @@ class ContainerSource:
             words = f"the video's pixels are {self._aspect:.4g} times as wide as high: the images were stretched"
             notices.append(Notice(code="pixels_not_square", message=words))
         return tuple(notices)
+
+
+def _with_stamp(picture: Any) -> tuple[int | None, Any]:
+    return picture.pts, picture
 
 
 def _open(path: Path) -> Any:

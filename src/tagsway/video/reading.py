@@ -21,7 +21,7 @@ from tagsway.video.source import Stamps
 
 _FIRST_PLACES = 4  # images that may wait until the first one's size is known ...
 _MOST_QUEUED_PX = 48 << 20  # ... and what all that wait may hold: 72 MB with their colours, 38 images of 1280 x 1024
-_AT_ONCE = 4  # images that are handed over together: each time wakes a thread, and finds the tracker's memory cold
+_AT_ONCE = 4  # images handed over together where decoders leave the tracker no core of its own: each time wakes it
 _THINNED = (32, 80)  # rows and columns of pixels that tell whether an image is new
 _REPEATED = 0.25  # of the usual change from image to image; a repeated one, coded again, has shown up to 0.13
 _USUAL_PERCENT, _AROUND = 90, 21  # of the changes around, of which three in four may be repeated images'
@@ -269,15 +269,20 @@ class FrameReader(Iterator[Frame]):
     def _decode(self, decoder_threads: int) -> None:
         """Decode until the end, or until told to stop; what comes last is None or an error."""
         entries: list[Any] = []
+        at_once = 1 if decoder_threads == 1 else _AT_ONCE
         try:
             for entry in self._source.decode(decoder_threads):
-                if entries and (len(entries) == _AT_ONCE or self._places.empty()):
+                if entries and self._places.empty():
                     self._decoded.put(entries)
                     entries = []
                 self._places.get()
                 if self._stopped:
                     return
                 entries.append(entry)
+                del entry  # its memory, still in the cache, is what a later image is decoded into
+                if len(entries) == at_once:
+                    self._decoded.put(entries)
+                    entries = []
             entries.append(None)
         except Exception as error:
             entries.append(error)
