@@ -163,6 +163,14 @@ def test_of_a_video_that_was_cut_off_what_there_is_is_used(tmp_path: Path, name:
     assert "truncated" in [notice.code for notice in reader.notices]
 
 
+@pytest.mark.parametrize("name", ["a.mkv", "a.mp4", "a.ts"])
+def test_a_whole_video_whose_stamps_begin_late_is_not_called_cut_off(tmp_path: Path, name: str) -> None:
+    late = [150 + k for k in range(30)]
+    frames, reader = read(write(tmp_path / name, [flat(99)] * 30, stamps=late))
+    assert len(frames) == 30
+    assert reader.notices == ()
+
+
 def test_frames_that_cannot_be_decoded_are_left_out_and_said(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mkv", [flat(5 * k) for k in range(40)], codec="ffv1", form="gray")
     content = bytearray(path.read_bytes())

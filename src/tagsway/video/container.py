@@ -204,6 +204,8 @@ def _notice_truncated(container: Any, stream: Any, ticks: IntArray, tick_s: floa
     else:
         # A container without a count states its length; frames that were dropped on the way are not missing at its end.
         stated_s = float(container.duration or 0) / av.time_base if len(container.streams) == 1 else 0.0
+        if container.format.name.startswith("matroska"):  # whose length counts from zero, wherever its stamps begin
+            stated_s -= float(ticks.min()) * tick_s
         whole = end_s + 2 * end_s / max(len(ticks) - 1, 1) >= 0.98 * stated_s
         promised = f"{stated_s:.3f} s"
     if whole:
