@@ -36,6 +36,21 @@ def test_small_and_large_tags_are_found(side: float) -> None:
     assert [tag.tag_id for tag in find_tags(image, family="tag36h11")] == [9]
 
 
+@pytest.mark.parametrize("light", [(100, 140), (8, 30), (200, 225)])
+def test_pale_and_dark_tags_are_found(light: tuple[int, int]) -> None:
+    dark, white = light
+    image = see_tag(make_pose((60, 60), 40, 0.2), (120, 120), tag_id=9, dark=dark, white=white, background=dark)
+    assert [tag.tag_id for tag in find_tags(photograph(image, 1.5, np.random.default_rng(0)), family="tag36h11")] == [9]
+
+
+@pytest.mark.parametrize("family", ["tag36h11", "tag25h9"])
+def test_pale_clutter_is_no_tag(family: str) -> None:
+    rng = np.random.default_rng(2)
+    for cells in (3, 5, 8):
+        clutter = 110 + 30 * np.kron(rng.random((400 // cells, 400 // cells)) < 0.5, np.ones((cells, cells)))
+        assert find_tags(photograph(clutter, 1.5, rng), family=family) == ()
+
+
 def test_tags_of_thirteen_pixels_are_found_in_an_enlarged_image_where_they_are() -> None:
     rng = np.random.default_rng(0)
     for angle in (0.1, 0.3, -0.4):

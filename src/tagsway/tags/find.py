@@ -13,7 +13,9 @@ from tagsway.model import Detection, FloatArray, GreyArray
 from tagsway.tags.families import FAMILIES
 
 MOST_HAMMING = 1  # two corrected bits are within reach of background, and their tables take gigabytes
-LEAST_MARGIN = 20.0  # of the detector's decision margin; true tags have 40 and more, clutter below 15
+LEAST_MARGIN = 20.0  # of the detector's decision margin; true tags have 40 and more, clutter below 15 ...
+_PLAIN_CONTRAST = 100.0  # ... in grey levels: those of a paler tag are told in shares of its own contrast
+_SAMPLES = 16  # to a side of a tag, for its contrast
 SMALLEST_SIDE_PX = 8.0
 MOST_SIDE_RATIO = 3.0  # of the longest to the shortest side: a tag seen at 70°, or no tag
 _SMALLEST_IMAGE_PX = 16  # below, the library has crashed
@@ -65,7 +67,8 @@ class TagFinder:
             larger = cv2.resize(grey, None, fx=enlarged, fy=enlarged, interpolation=cv2.INTER_CUBIC)
             grey = np.asarray(larger, dtype=np.uint8)
         self._detector.tag_detector_ptr.contents.quad_decimate = decimate * enlarged  # read anew for each image
-        found = [_read_detection(seen, enlarged) for seen in self._detector.detect(np.ascontiguousarray(grey))]
+        grey = np.ascontiguousarray(grey)
+        found = [_read_detection(seen, grey, enlarged) for seen in self._detector.detect(grey)]
         return tuple(sorted(filter(_is_sound, found), key=lambda tag: -tag.margin))
 
 
@@ -170,12 +173,25 @@ def _replace_family(detector: Any, family: str) -> None:
     add(pointer, create(), MOST_HAMMING)
 
 
-def _read_detection(seen: Any, enlarged: float) -> Detection:
+def _read_detection(seen: Any, grey: GreyArray, enlarged: float) -> Detection:
     # The library puts (0, 0) at the corner of the first pixel; its corners go round as ours do.
-    corners = np.asarray(seen.corners, dtype=float) / enlarged - 0.5
+    corners = np.asarray(seen.corners, dtype=float) - 0.5
     return Detection(
-        tag_id=int(seen.tag_id), corners_px=corners, margin=float(seen.decision_margin), hamming=int(seen.hamming)
+        tag_id=int(seen.tag_id),
+        corners_px=(corners + 0.5) / enlarged - 0.5,
+        margin=float(seen.decision_margin) * max(1.0, _PLAIN_CONTRAST / _measure_contrast(grey, corners)),
+        hamming=int(seen.hamming),
     )
+
+
+def _measure_contrast(grey: GreyArray, corners_px: FloatArray) -> float:
+    """Return how many grey levels lie between black and white inside a tag's square."""
+    last = _SAMPLES - 1.0
+    square = np.array([[0, last], [last, last], [last, 0], [0, 0]], dtype=np.float32)
+    to_square = cv2.getPerspectiveTransform(corners_px.astype(np.float32), square)
+    inside = cv2.warpPerspective(grey, to_square, (_SAMPLES, _SAMPLES), borderMode=cv2.BORDER_REPLICATE)
+    black, white = np.percentile(inside, [5, 95])
+    return max(float(white - black), 1.0)
 
 
 def _is_sound(tag: Detection) -> bool:
