@@ -179,6 +179,24 @@ def test_the_reference_takes_the_cameras_shake_off() -> None:
     assert np.std(z) == pytest.approx(1, abs=0.25)  # statistics, and depth of the reference other than the product's
 
 
+def test_the_reference_takes_off_what_jumps_from_image_to_image() -> None:
+    rng = np.random.default_rng(4)
+    options = {"shift_px": rng.normal(size=(len(TIME), 2)), "noise_px": NOISE_PX, "rng": rng}
+    still = np.tile([0.25, 0.1, 1.5], (len(TIME), 1))
+    reference = see_tag(7, still, 0 * TIME, **options)  # type: ignore[arg-type]
+    for values in (reference.centre_px, reference.corners_px, reference.angle_rad):
+        values[100:110] = np.nan
+    track, _, _ = join_tags(film(TIME, *scene(**options).tags, reference), replace(BOTH, reference_id=7))  # type: ignore[arg-type]
+    error = track.pcp.position - TRUTH
+    hidden = np.zeros(len(TIME), dtype=bool)
+    hidden[100:110] = True
+    z = (error - np.median(error, axis=0)) / track.pcp.position_std
+    # statistics: a twentieth of the jumps is left, where the reference is seen; where it is not, the errors say so
+    assert np.std(error[~hidden]) < 0.05 * np.std(options["shift_px"]) * 1450 / FOCAL / 1000
+    assert 0.7 < np.std(z[~hidden]) < 1.4
+    assert 0.5 < np.std(z[hidden]) < 2
+
+
 def test_without_tag_sizes_lengths_are_pixels() -> None:
     result = join_tags(scene(), Settings())
     assert result[0].length_unit == "px"

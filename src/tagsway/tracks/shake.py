@@ -44,7 +44,8 @@ def measure_shake(time_s: FloatArray, reference: TagSightings) -> Shake | None:
     Notes
     -----
     Each channel is smoothed with the bandwidth that its own likelihood asks for, so that a still camera does not put
-    the reference tag's noise into the others. A camera that is displaced sideways moves near tags more than far ones:
+    the reference tag's noise into the others. Of what that leaves, the share that is no noise of the tag's is shake
+    too: a camera that trembles faster than it takes images seems to jump from each to the next. A camera that is displaced sideways moves near tags more than far ones:
     the reference should hang at the depth of the motion.
     """
     if np.count_nonzero(np.isfinite(reference.centre_px[:, 0])) < LEAST_SAMPLES:
@@ -69,9 +70,18 @@ def measure_shake(time_s: FloatArray, reference: TagSightings) -> Shake | None:
 
 
 def _smooth(time_s: FloatArray, values: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a channel's shake and its standard error: the posterior of a smooth path with jumps about it."""
     spikes = find_spikes(time_s, values, std=np.nan_to_num(std))
-    spline = fit_smoothing_spline(time_s, np.where(spikes, np.nan, values), std)
-    return spline(time_s), spline.std(time_s)
+    kept = np.where(spikes, np.nan, values)
+    spline = fit_smoothing_spline(time_s, kept, std)
+    smooth = spline(time_s)
+    noise = np.full(len(time_s), np.nan)
+    noise[np.isin(time_s, spline.time_s)] = spline.sample_std
+    jumps = np.nanmedian(np.maximum(noise**2 - std**2, 0.0))
+    share = np.where(np.isfinite(noise + kept), jumps / (jumps + std**2), 0.0)
+    left = np.where(share > 0, kept - smooth, 0.0)
+    spread = np.where(share > 0, share * std**2, jumps)
+    return smooth + share * left, np.sqrt(((1 - share) * spline.std(time_s)) ** 2 + spread)
 
 
 def unwrap(angle_rad: FloatArray) -> FloatArray:
