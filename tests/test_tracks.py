@@ -197,6 +197,21 @@ def test_the_reference_takes_off_what_jumps_from_image_to_image() -> None:
     assert 0.5 < np.std(z[hidden]) < 2
 
 
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (replace(BOTH, tcp_id=1, pcp_id=0), "above"),
+        (replace(BOTH, up="90"), "beside"),
+        (replace(BOTH, pcp_tag_size_m=0.5 * SIZE_M), "--pcp-tag-size"),
+        (BOTH, ""),
+    ],
+)
+def test_ids_sizes_and_a_way_up_that_look_mistaken_are_told(settings: Settings, words: str) -> None:
+    hints = [notice.message for notice in join_tags(scene(), settings)[2] if notice.code.startswith("tag")]
+    assert len(hints) == bool(words)
+    assert all(words in hint for hint in hints)
+
+
 def test_without_tag_sizes_lengths_are_pixels() -> None:
     result = join_tags(scene(), Settings())
     assert result[0].length_unit == "px"

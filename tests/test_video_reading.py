@@ -171,6 +171,18 @@ def test_a_whole_video_whose_stamps_begin_late_is_not_called_cut_off(tmp_path: P
     assert reader.notices == ()
 
 
+def test_a_bare_stream_of_a_coder_has_no_times(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h264", [flat(level) for level in LEVELS], rate=100, tick=Fraction(1, 100))
+    with pytest.raises(InputError, match="--fps"):
+        read_clock(path)
+    clock = read_clock(path, fps_hz=100)
+    frames = list(read_frames(path, clock))
+    assert [frame.time_s for frame in frames] == pytest.approx([0, 0.01, 0.02, 0.03, 0.04])
+    assert [abs(frame.grey[-1, -1] - level) < CODED + 1 for frame, level in zip(frames, LEVELS, strict=True)] == [
+        True
+    ] * 5
+
+
 def test_frames_that_cannot_be_decoded_are_left_out_and_said(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mkv", [flat(5 * k) for k in range(40)], codec="ffv1", form="gray")
     content = bytearray(path.read_bytes())

@@ -31,6 +31,7 @@ from tagsway.pipeline.shaping import plan_shaped_move
 from tagsway.shapers import SHAPER_TYPES, design_shaper
 from tagsway.store.documents import to_document
 from tagsway.store.steps import StepStore, track_digest
+from tagsway.tracks.arrangement import ARRANGEMENT_CODES
 from tagsway.trajectories import plan_move
 from tagsway.video.opening import name_film
 
@@ -87,6 +88,8 @@ def identify(
     except NotIdentifiableError as reason:
         if reason.code == "pcp_not_seen" and recording.video is not None:
             reason = NotIdentifiableError(f"{reason}; {describe_tags(file)}", code=reason.code)
+        for hint in (notice for notice in recording.notices if notice.code in ARRANGEMENT_CODES):
+            reason = NotIdentifiableError(f"{reason}; {hint.message}", code=reason.code)
         return assemble_undetermined(file, empty, recording, clean, events, reason)
     pendulum = _fit_pendulum(recording.track, free.window, fit.estimate, settings, steps)
     if other is not None:

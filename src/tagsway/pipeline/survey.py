@@ -81,7 +81,7 @@ def survey_tags(file: Path) -> tuple[ListedTag, ...]:
 
 
 def _look(file: Path) -> list[GreyArray]:
-    clock = read_clock(file)
+    clock = read_clock(file, fps_hz=1.0)  # images do not say; times do not matter here
     frames = min(len(clock.stamps), LOOK_FRAMES)
     with read_frames(file, clock) as reader:
         return [frame.grey.copy() for frame in islice(reader, 0, frames, max(1, frames // LOOK_IMAGES))]

@@ -19,6 +19,7 @@ from tagsway.model import (
     TagTrack,
     Track,
 )
+from tagsway.tracks.arrangement import judge_arrangement
 from tagsway.tracks.depth import find_depth_sway
 from tagsway.tracks.scale import measure_scale
 from tagsway.tracks.shake import Shake, measure_shake, unwrap
@@ -139,7 +140,7 @@ def join_tags(
         axes="x right, z up, y away from the camera",
         up_source=up_source,
     )
-    notices += scale_notices + _judge_sightings(sightings, settings, shake)
+    notices += scale_notices + _judge_sightings(sightings, settings, shake) + judge_arrangement(track, settings)
     if pcp is not None:
         known = camera is not None and (view is None or view.focal_px.std <= KNOWN_FOCAL * view.focal_px.value)
         notices += _judge_depth(sightings, pcp, tcp, track, camera, known=known)

@@ -45,7 +45,8 @@ def measure_shake(time_s: FloatArray, reference: TagSightings) -> Shake | None:
     -----
     Each channel is smoothed with the bandwidth that its own likelihood asks for, so that a still camera does not put
     the reference tag's noise into the others. Of what that leaves, the share that is no noise of the tag's is shake
-    too: a camera that trembles faster than it takes images seems to jump from each to the next. A camera that is displaced sideways moves near tags more than far ones:
+    too: a camera that trembles faster than it takes images seems to jump from each to the next. A camera that is
+    displaced sideways moves near tags more than far ones:
     the reference should hang at the depth of the motion.
     """
     if np.count_nonzero(np.isfinite(reference.centre_px[:, 0])) < LEAST_SAMPLES:

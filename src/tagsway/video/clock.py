@@ -149,7 +149,7 @@ def count_clock(numbers: IntArray, *, tick_s: float, fps_hz: float | None = None
         Where nobody knows the rate.
     """
     if fps_hz is None and not (tick_s > 0 and math.isfinite(tick_s)):
-        raise InputError("images hold no times: give the capture rate with --fps")
+        raise InputError("its images hold no times: give the capture rate with --fps")
     if fps_hz is not None:
         _check_rate(fps_hz)
     rate_hz = 1 / tick_s if fps_hz is None else fps_hz

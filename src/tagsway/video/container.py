@@ -1,5 +1,6 @@
 """Video files, through FFmpeg's libraries: every container and codec that they know."""
 
+import math
 import re
 from array import array
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ _FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 _BLACK, _WHITE = 16, 235  # of 8-bit luma in limited range
 _SQUARE = 2e-3  # pixels whose sides differ by less count as square
 _NO_STAMP = -(2**63)
+_UNTIMED = 0x80  # AVFMT_NOTIMESTAMPS: a coder's bare stream, whose times FFmpeg makes up at 25 Hz
 _STEP_EVERY = 4  # predicted images: reading it takes as long as a tag
 _STEP_MEMORY = 4  # readings: an error lasts longer than the quantiser that made it
 _BY_ITSELF = (PictureType.NONE, PictureType.I)  # how an image is coded that needs no other
@@ -46,6 +48,8 @@ class ContainerSource:
         with _open(self._path) as container:
             stream = _video_stream(container, self._path)
             ticks, by_order, tick_s = _read_ticks(container, stream)
+            if container.format.flags & _UNTIMED:
+                return Stamps(ticks=np.arange(len(ticks)), tick_s=math.nan, is_count=True)
             rate = stream.average_rate or stream.guessed_rate
             return Stamps(
                 ticks=ticks,
@@ -63,6 +67,7 @@ class ContainerSource:
             stream.codec_context.thread_count = threads
             stream.codec_context.thread_type = "AUTO" if threads > 1 else "NONE"
             self._aspect = float(stream.sample_aspect_ratio or 1) or 1.0
+            untimed = bool(container.format.flags & _UNTIMED)
             packets = _packets(container, stream)
             first = next(packets, None)
             self._know_coder(stream.codec_context, first)
@@ -73,7 +78,7 @@ class ContainerSource:
                     continue
                 pictures.reverse()
                 while pictures:  # none is held while the next one is decoded: its memory is what that is decoded into
-                    yield _with_stamp(pictures.pop())
+                    yield _with_stamp(pictures.pop(), untimed=untimed)
 
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
@@ -132,8 +137,8 @@ class ContainerSource:
         return tuple(notices)
 
 
-def _with_stamp(picture: Any) -> tuple[int | None, Any]:
-    return picture.pts, picture
+def _with_stamp(picture: Any, *, untimed: bool) -> tuple[int | None, Any]:
+    return None if untimed else picture.pts, picture
 
 
 def _open(path: Path) -> Any:
