@@ -85,6 +85,7 @@ def test_a_video_without_tags_is_refused(inside, capsys) -> None:
         (["--window", "4:3"], ["window", "4:3"]),
         (["--window", "100:200"], ["window", "100", "200"]),
         (["--pcp-id", "0"], ["ids", "different"]),
+        (["--tcp-id", "587"], ["tag36h11", "587", "586"]),
         (["--up", "down"], ["--up", "down"]),
         (["--sway-axis", "w"], ["--sway-axis", "w"]),
         (["--frequency-spread", "-1"], ["--frequency-spread", "-1"]),

@@ -8,7 +8,7 @@ import pytest
 
 from tag_images import make_pose, see_tag
 from tagsway.model import Settings
-from tagsway.pipeline.recording import check_file, read_recording, track_video
+from tagsway.pipeline.recording import check_file, describe_tags, read_recording, track_video
 from tagsway.store.steps import StepStore
 
 FRAMES = [k for k in range(24) if k not in (9, 10, 17)]
@@ -68,3 +68,13 @@ def test_what_was_tracked_is_kept_until_an_image_changes(images: Path, tmp_path:
     assert changed.video is not None
     assert changed.video.duplicated == 1  # 0003 and 0004 are one image now, of a tag that moves
     assert "repeated_images" in [notice.code for notice in changed.notices]
+
+
+@pytest.mark.parametrize("spoil", [lambda image: image[:, ::-1], lambda image: 255 - image], ids=["mirror", "negative"])
+def test_tags_that_no_detector_reads_are_told_from_none(tmp_path: Path, spoil) -> None:
+    image = see_tag(make_pose((100, 100), 60, 0.2), (200, 220), tag_id=3).astype(np.uint8)
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), spoil(image))
+    words = describe_tags(tmp_path)
+    assert "tag36h11 3" in words
+    assert "mirrored" in words

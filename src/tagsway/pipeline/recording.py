@@ -27,7 +27,7 @@ from tagsway.model import (
 from tagsway.store.cameras import read_camera
 from tagsway.store.steps import StepStore, file_sha256
 from tagsway.store.tracks import quantise, read_source
-from tagsway.tags.families import tag_family
+from tagsway.tags.families import tag_pattern
 from tagsway.tags.follow import follow_tags
 from tagsway.tags.others import find_other_tags
 from tagsway.tracks import join_tags
@@ -177,9 +177,10 @@ def track_video(
     Film
         Without any tag where none of the wanted ones was seen.
     """
-    tag_family(settings.family)
-    clock = read_clock(file, fps_hz=settings.fps_hz)
     wanted = [settings.tcp_id, settings.pcp_id, *([] if settings.reference_id is None else [settings.reference_id])]
+    for tag_id in wanted:
+        tag_pattern(settings.family, tag_id)
+    clock = read_clock(file, fps_hz=settings.fps_hz)
     with read_frames(file, clock, decoder_threads=decoder_threads, full_range=False) as reader:
         frames = _reporting(reader, len(clock.stamps), progress)
         followed = follow_tags(frames, family=settings.family, tag_ids=wanted)
@@ -231,16 +232,20 @@ def _read_table(file: Path, settings: Settings) -> Recording:
 
 
 def describe_tags(file: Path) -> str:
-    """Return in words which tags a video shows, of whatever family."""
-    others = find_other_tags(_look(file))
+    """Return in words which tags a video shows, of whatever family, be they mirrored or in negative."""
+    greys = _look(file)
+    others, how = find_other_tags(greys), ""
+    if not others:
+        others = find_other_tags([*(grey[:, ::-1] for grey in greys), *(255 - grey for grey in greys)])
+        how = " mirrored, or white on black, as no detector reads them: flip or invert the film, or print the tags anew"
     if not others:
         return "it shows no tag of any known family"
-    return "it shows " + ", ".join(f"{family} {tag_id}" for family, tag_id in others)
+    return "it shows " + ", ".join(f"{family} {tag_id}" for family, tag_id in others) + how
 
 
 def _what_was_seen(file: Path, settings: Settings) -> str:
     wanted = f"{settings.family} {settings.tcp_id} (TCP) and {settings.pcp_id} (PCP)"
-    return f"{file} does not show {wanted}; {describe_tags(file)}: say --family, --tcp-id and --pcp-id"
+    return f"{file} does not show {wanted} (--family, --tcp-id, --pcp-id); {describe_tags(file)}"
 
 
 def _summarise_tags(sightings: Sightings, track: Track, settings: Settings) -> TagsSummary:
