@@ -145,3 +145,10 @@ def test_estimators_that_disagree_are_named() -> None:
 
 def test_a_difference_within_the_errors_is_no_disagreement() -> None:
     assert codes(a_mode(2.47, periods=says(2.71, std=0.2)), None, None) == []
+
+
+def test_a_sway_with_few_images_to_a_cycle_may_be_another_one() -> None:
+    (hint,) = diagnose(a_mode(4.9), None, a_video(12.0))
+    assert hint.code == "alias_possible"
+    assert "7.1 Hz" in hint.message
+    assert codes(a_mode(4.9), None, a_video(30.0)) == []

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 
+import cv2
 import numpy as np
 import pytest
 
@@ -207,6 +208,18 @@ def test_a_focus_that_changes_for_good_does_not_lose_the_tag(swaying: list[np.nd
     assert tag.seen[:40].all()
     assert tag.seen[110:].all()
     check(tag, lambda _: sway(0))
+
+
+def test_a_tag_out_of_focus_is_found() -> None:
+    def at(k: int) -> np.ndarray:
+        return make_pose((120 + 0.4 * k, 80), 40, 0.1)
+
+    away = np.hypot(*np.mgrid[-5:6, -5:6])
+    disc = np.clip(4.7 - away, 0, 1) / np.clip(4.7 - away, 0, 1).sum()  # of 4.2 px, nearly a cell
+    images = [cv2.filter2D(see_tag(at(k), SHAPE, tag_id=4, onto=WALL), -1, disc) for k in range(20)]
+    tags = follow(shoot(images, 20, lambda _, image: image)).tags
+    assert tags[0].seen[-10:].all()
+    check(tags[0], at, px=0.2)
 
 
 def test_a_tag_that_is_always_covered_in_part_is_followed_in_the_end(swaying: list[np.ndarray]) -> None:

@@ -37,6 +37,9 @@ DISAGREEMENT_SHARE = 0.02
 USUAL_CAPTURE_RATES_HZ = (30.0, 60.0, 100.0, 120.0, 200.0, 240.0, 480.0, 500.0, 960.0, 1000.0, 2000.0)
 """Of phones and of high-speed cameras."""
 
+FEWEST_IMAGES = 4.0
+"""To a cycle: with less than two a sway looks like a slower one, and with little more nobody can tell."""
+
 PLAYBACK_HZ = 61.0
 """Slow motion is played at the rate of a screen or of television; a file that says more says how it was filmed."""
 
@@ -58,7 +61,7 @@ def diagnose(
     Returns
     -------
     tuple of Notice
-        Codes `units_suspect`, `frame_rate_suspect`, `slow_for_its_radius`, `fast_for_its_radius`,
+        Codes `units_suspect`, `alias_possible`, `frame_rate_suspect`, `slow_for_its_radius`, `fast_for_its_radius`,
         `estimators_disagree`.
     """
     if modal is None or modal.natural_frequency_hz is None:
@@ -66,6 +69,7 @@ def diagnose(
     frequency = modal.natural_frequency_hz.value
     hints = [
         *_unusual_units(modal, frequency),
+        *_possible_alias(frequency, video),
         *_odd_for_its_size(frequency, pendulum, video),
         *_estimators_disagree(modal),
     ]
@@ -83,6 +87,16 @@ def _unusual_units(modal: ModalEstimate, frequency: float) -> list[Notice]:
             message=f"{frequency:.3g} Hz{swing} is unusual for a payload: is the time in s, are positions in mm?",
         )
     ]
+
+
+def _possible_alias(frequency: float, video: VideoInfo | None) -> list[Notice]:
+    if video is None or FEWEST_IMAGES * frequency <= video.fps_hz:
+        return []
+    words = (
+        f"{video.fps_hz:.4g} Hz gives {video.fps_hz / frequency:.2g} images to a cycle of {frequency:.3g} Hz: one of "
+        f"{video.fps_hz - frequency:.3g} Hz would look the same; film at {2 * FEWEST_IMAGES * frequency:.2g} Hz or more"
+    )
+    return [Notice(code="alias_possible", message=words)]
 
 
 def _odd_for_its_size(frequency: float, pendulum: PendulumEstimate | None, video: VideoInfo | None) -> list[Notice]:

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 
 from tagsway.model import Detection, FloatArray, Frame, GreyArray, IntArray, Notice, Sighting, TagSightings
-from tagsway.tags.find import find_tags, find_tags_near
+from tagsway.tags.find import find_tags, find_tags_near, sharpen
 from tagsway.tags.follower import Follower
 from tagsway.tags.record import SightingRecord
 
 _FIRST_CHECKS = 500  # frames within which each tag is checked for the first time, one after the other
 _FIRST_LOOK = 512  # frame of the first look at the whole image for a second tag of the same id; then twice as late
 _THOROUGH_EVERY = 3  # of the searches of a whole image that miss a tag, one looks at all its pixels ...
-_ENLARGED_EVERY = 12  # ... and one at an enlarged image
+_ENLARGED_EVERY = 12  # ... and one at an enlarged image, and one at a sharpened one
 _SMALL_PX = 20.0  # the side of a tag that is looked for in an enlarged part
 _MOST_ALIKE = 4  # tags of one id that are followed
 _FEWEST_SEEN = 0.1  # of what the longest of them was seen: less is no rival
@@ -125,6 +125,9 @@ class _Search:
         elif self._misses % _ENLARGED_EVERY == 1:
             self.calls += 1
             seen = find_tags(grey, family=self.family, decimate=0.5)
+        elif self._misses % _ENLARGED_EVERY == 2:
+            self.calls += 1
+            seen = find_tags(sharpen(grey), family=self.family)
         self._misses += 1
         return seen
 
