@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from tagsway.tags.scatter import Scatter
 
 _UNEVEN = math.exp(0.1)  # the blocks of raw images stay below, by chance
-_PULLED_TOGETHER = (15.0, 15.0, 4.0)  # variance of what all blocks share, over what their differences show
-_SLOW_PX = 0.4  # an image: faster motion is coded anew in every image, with other errors each time
+_PULLED_TOGETHER = (11.0, 11.0, 2.5)  # variance of what all blocks share, over what their differences show
+_SLOW_PX = 0.4  # an image: faster motion is coded anew in every image, with other errors each time ...
+_SLOW_ALONG_PX = 1.5  # ... but along its way with like ones: the vectors of a steady motion are as wrong in each
 _BEHIND = 0.13  # to a pixel of the tag's side: variance, along its way, of a lag that all of a tag has in common ...
-_MOST_HELD = 6.0  # standard deviations: beyond it noise helps no more
+_MOST_HELD = 3.0  # standard deviations: beyond it noise helps no more
 _APART = (3.7, 3.7, 3.0)  # ... and of what its blocks have each for itself, x, y and angle
 _FROZEN = 2.0  # as above, of an image that was coded by itself
 _SPEED_MEMORY = 4  # images
@@ -26,12 +27,12 @@ class CoderPull:
     lasts: a tag that starts lags behind its motion, one that stops is drawn short of its place. Neighbouring blocks
     share their vectors, so most of that error is common to all of a tag, where no residual of the image shows it.
 
-    What does show is how the blocks differ: the variance v of the place from the residual's sums over blocks exceeds
-    the one of white noise, w. The common error is as many times larger as blocks are pulled together, c (v - w): c was
-    found on rendered films, and is the same within a third for tags of 35 to 90 px, contrasts of 80 to 160 grey levels,
-    noise of 1 to 8, quantisers from 20 to 40, H.264 and HEVC. It cannot exceed the way since the last image that was
-    coded by itself, and is mended while the tag rests. In fast motion the error is another one every few images, and
-    `Scatter` measures it.
+    What does show is how the blocks differ: the variance of the place from the residual's sums over blocks exceeds the
+    one of white noise, w, by u. The common error is as many times larger as blocks are pulled together, and more so
+    where noise hides how they differ, on small tags and at fine quantisers: c (u + √(u w)). c was found on rendered
+    films in H.264, HEVC and VP9, tags of 20 to 90 px, crf 12 to 30, and held against others. The error cannot exceed
+    the way since the last image that was coded by itself, and is mended while the tag rests. In fast motion it is
+    another one every few images, and `Scatter` measures it; least so along the way, where vectors err alike.
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
     motion to the corrections, and none is made that is smaller than its quantiser's step: a slow tag lags behind by as
@@ -92,15 +93,18 @@ class CoderPull:
         if not self.is_at_work:
             return scatter
         self._move((float(place[0]), float(place[1])), predicted=predicted)
-        fast = 1 + (self._speed_px / _SLOW_PX) ** 2
-        shares = _PULLED_TOGETHER[0] / fast, _PULLED_TOGETHER[1] / fast, _PULLED_TOGETHER[2]
-        pulled = [max(one, share * least) for one, share, least in zip(scatter, shares, uneven, strict=True)]
-        pulled = _limit(pulled, self._since_image.square_px2)
+        fast, steady = (1 + (self._speed_px / slow) ** 2 for slow in (_SLOW_PX, _SLOW_ALONG_PX))
+        right, down = (one / max(sum(self._heading_px2), 1e-30) for one in self._heading_px2)
+        shares = (*(along / steady + (1 - along) / fast for along in (right, down)), 1.0)
+        common = [
+            share * together * (least + math.sqrt(least * even))
+            for share, together, least, even in zip(shares, _PULLED_TOGETHER, uneven, white, strict=True)
+        ]
+        pulled = _limit([max(one, more) for one, more in zip(scatter, common, strict=True)], self._since_image)
         if held > 0:
             behind = _BEHIND * held**2 * min(held, _MOST_HELD) * side_px / fast
-            right, down = (one / max(sum(self._heading_px2), 1e-30) for one in self._heading_px2)
             steps = [apart * held**2 + behind * along for apart, along in zip(_APART, (right, down, 0.0), strict=True)]
-            lags = _limit([step * even for step, even in zip(steps, white, strict=True)], self._lately.square_px2)
+            lags = _limit([step * even for step, even in zip(steps, white, strict=True)], self._lately)
             pulled = [max(one, lag) for one, lag in zip(pulled, lags, strict=True)]
         return [max(one, _FROZEN * least) for one, least in zip(pulled, uneven, strict=True)]
 
@@ -135,7 +139,7 @@ class _Way:
         self.square_px2 = max(self.square_px2 * (1 - 2 / _REST_MEMORY), math.dist(centre_px, self._start_px) ** 2)
 
 
-def _limit(variances: list[float], way_px2: float) -> list[float]:
+def _limit(variances: list[float], way: _Way) -> list[float]:
     """Return variances of x, y and angle of which those of the place are no larger than a way."""
-    reached = min(way_px2 / max(variances[0], variances[1], 1e-30), 1.0)
+    reached = min(way.square_px2 / max(variances[0], variances[1], 1e-30), 1.0)
     return [reached * one for one in variances]
