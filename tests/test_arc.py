@@ -1,12 +1,15 @@
 """The arc of the product's tag: its pivot and radius from geometry alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pendulum_scenes import FLEXIBLE, OFFSET_M, STANDING, record, with_pcp
 from tagsway.errors import NotIdentifiableError
-from tagsway.model import Estimate, FloatArray
+from tagsway.model import Estimate, FloatArray, TagTrack
 from tagsway.pendulum import Arc, fit_arc, fit_pendulum
+from tagsway.pendulum.shortfall import find_shortfall
 
 CENTRE_M, RADIUS_M = np.array([0.003, -0.012]), 0.046
 NOISE_M, NOISE_RAD = 7e-5, 2e-3
@@ -57,6 +60,33 @@ def test_the_stated_intervals_hold_the_pivot_and_the_radius_in_95_of_100_films(s
     # statistics: of 80 films at least 88 % (three standard deviations of the count)
     assert np.all(inside >= 0.88), inside
     assert np.all(np.std(found, axis=0) > 0.75)
+
+
+def test_the_intervals_hold_a_turning_of_which_a_coder_takes_a_share() -> None:
+    stated, ignored = [], []
+    for seed in range(40):
+        points, std, angle, angle_std = film(0.2, seed)
+        coded = TagTrack(position=points, position_std=std, angle_rad=angle, angle_std_rad=angle_std, image_share=0.3)
+        short = find_shortfall(coded)
+        taken = angle + np.random.default_rng(1000 + seed).standard_normal() * short
+        stated.append(scores(fit_arc(points, std, taken, angle_std, angle_short_rad=short)))
+        ignored.append(scores(fit_arc(points, std, taken, angle_std)))
+    # statistics: of 40 films, three standard deviations of the count
+    assert np.all(np.mean(np.abs(stated) < 1.96, axis=0) >= 0.84)
+    assert np.std(stated, axis=0)[2] > 0.7
+    assert np.std(ignored, axis=0)[2] > 1.5
+
+
+def test_only_a_coder_takes_from_a_turning_and_nothing_where_the_tag_was_not_seen() -> None:
+    points, std, angle, angle_std = film(0.2, 0)
+    angle[100:150] = np.nan
+    plain = TagTrack(position=points, position_std=std, angle_rad=angle, angle_std_rad=angle_std)
+    assert not np.any(find_shortfall(plain))
+    short = find_shortfall(replace(plain, image_share=0.3))
+    assert not np.any(short[100:150])
+    assert np.std(short[np.isfinite(angle)]) == pytest.approx(0.3 * NOISE_RAD)  # identity
+    still = replace(plain, angle_rad=np.zeros(len(angle)), image_share=0.3)
+    assert not np.any(find_shortfall(still))
 
 
 def test_without_noise_it_is_exact() -> None:

@@ -129,12 +129,13 @@ STRETCH, RELATIVE = 4, 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Samples:
-    """What is fitted: positions, the tag's angle (NaN: none), the tool's turn and path, and the noise."""
+    """What is fitted: positions, the tag's angle (NaN: none), the tool's turn and path, and the errors."""
 
     point: FloatArray
     sigma: FloatArray
     angle: FloatArray
     angle_std: FloatArray
+    short: FloatArray
     turn: FloatArray
     tool: FloatArray
 
@@ -145,6 +146,10 @@ class _Samples:
         point = self.point - p[RELATIVE] * self.tool
         right = point[:, 0] - cosine * p[0] + sine * p[1]
         return right, (sine * p[0] + cosine * p[1] - point[:, 1]) * (1 - p[STRETCH])
+
+    def held_back(self) -> "_Samples":
+        """Return the samples with the tag's rotation smaller by a standard error of what a coder takes from it."""
+        return replace(self, angle=self.angle - self.short)
 
     def residuals(self, p: FloatArray, noise: FloatArray, witness: Witness) -> FloatArray:
         """Return what is left of (x, z, r, zero, stretch, relative scale): of circle, rotation, and relative scale.
@@ -175,6 +180,7 @@ def fit_arc(
     angle_rad: FloatArray | None = None,
     angle_std_rad: FloatArray | None = None,
     *,
+    angle_short_rad: FloatArray | None = None,
     tool_turn_rad: FloatArray | None = None,
     tool_m: FloatArray | None = None,
 ) -> Arc:
@@ -186,6 +192,8 @@ def fit_arc(
         x and z of PCP minus TCP and their standard errors; NaN is left out.
     angle_rad, angle_std_rad : ndarray, shape (n,), optional
         The tag's own rotation, from any constant zero, and its standard error; NaN is left out.
+    angle_short_rad : ndarray, shape (n,), optional
+        What a coder may have taken from all of them together, to one standard error.
     tool_turn_rad : ndarray, shape (n,), optional
         The tool's rotation from where the offset is wanted, smooth; the pivot's offset turns with it.
     tool_m : ndarray, shape (n, 2), optional
@@ -216,7 +224,7 @@ def fit_arc(
     ----------
     .. [1] N. Chernov and C. Lesort, J. Math. Imaging Vis. 23 (2005) 239-252.
     """
-    samples = _present(sway_m, std_m, angle_rad, angle_std_rad, tool_turn_rad, tool_m)
+    samples = _present(sway_m, std_m, angle_rad, angle_std_rad, angle_short_rad, tool_turn_rad, tool_m)
     rotates = np.count_nonzero(samples.turned) >= LEAST_SAMPLES
     start = _start_of_rotation(samples) if rotates else _start_of_circle(samples)
     circle, noise = _fit(samples, start, "circle", np.ones(2))
@@ -236,10 +244,10 @@ def _fit(samples: _Samples, start: FloatArray, witness: Witness, noise: FloatArr
     """Return the arc that a witness tells, or both, and the factors on both noises that their residuals show."""
     free, p = FREE[witness], start.copy()
 
-    def residual(part: FloatArray, stretch: float = 0.0) -> FloatArray:
+    def residual(part: FloatArray, stretch: float = 0.0, seen: _Samples = samples) -> FloatArray:
         full = p.copy()
         full[free], full[STRETCH] = part, stretch
-        return samples.residuals(full, noise, witness)
+        return seen.residuals(full, noise, witness)
 
     for last in (False, True):
         solution = least_squares(
@@ -250,21 +258,25 @@ def _fit(samples: _Samples, start: FloatArray, witness: Witness, noise: FloatArr
         if not last and witness != "both":
             noise = noise.copy()
             noise[witness == "rotation"] *= max(1.0, 1.4826 * float(np.median(np.abs(left))))
-    shift = VERTICAL_SCALE_STD * (residual(solution.x, STRETCH_STEP) - left) / STRETCH_STEP
+    shifts = [VERTICAL_SCALE_STD * (residual(solution.x, STRETCH_STEP) - left) / STRETCH_STEP]
+    if witness != "circle":
+        shifts.append(residual(solution.x, seen=samples.held_back()) - left)
     middle = len(samples.point)
     parts = (slice(0, middle), slice(middle, -1)) if witness == "both" else (slice(0, -1),)
-    covariance = _covariance(np.asarray(solution.jac), left, shift, parts)
+    covariance = _covariance(np.asarray(solution.jac), left, shifts, parts)
     if witness == "rotation":
         return _radius_of_rotation(samples, p, noise[0], covariance[:2, :2]), noise
     return Arc(centre_m=p[:2].copy(), radius_m=float(p[2]), covariance_m2=covariance[:3, :3]), noise
 
 
-def _covariance(jacobian: FloatArray, left: FloatArray, shift: FloatArray, parts: tuple[slice, ...]) -> FloatArray:
+def _covariance(
+    jacobian: FloatArray, left: FloatArray, shifts: list[FloatArray], parts: tuple[slice, ...]
+) -> FloatArray:
     """Return the parameters' covariance under the soft-L1 loss, for residuals that are coloured.
 
     H⁻¹ (Σ ψ² J Jᵀ) H⁻¹ with ψ the loss's slope and H its curvature: for normal noise it is what scatter there is, and
-    not the few percent more that H⁻¹ alone would say. `shift` is what a standard error of the stretch does to the
-    residuals.
+    not the few percent more that H⁻¹ alone would say. `shifts` are what a standard error of the stretch does to the
+    residuals, and one of the rotation's shortfall.
     """
     square = (left / SOFTNESS_STD) ** 2
     slope, bend = left / np.sqrt(1 + square), (1 + square) ** -1.5
@@ -277,8 +289,8 @@ def _covariance(jacobian: FloatArray, left: FloatArray, shift: FloatArray, parts
     if not np.linalg.eigvalsh(information)[0] > LEAST_INFORMATION:
         return np.full((len(size), len(size)), np.inf)
     inverse = np.linalg.inv(information) / np.outer(size, size)
-    moved = inverse @ (plain.T @ (bend * shift))
-    return np.asarray(inverse @ ((plain.T * variance) @ plain) @ inverse + np.outer(moved, moved))
+    moved = inverse @ (plain.T @ (bend * np.array(shifts)).T)
+    return np.asarray(inverse @ ((plain.T * variance) @ plain) @ inverse + moved @ moved.T)
 
 
 def _colour(values: FloatArray) -> float:
@@ -337,6 +349,7 @@ def _present(
     std: FloatArray,
     angle: FloatArray | None,
     angle_std: FloatArray | None,
+    short: FloatArray | None,
     turn: FloatArray | None,
     tool: FloatArray | None,
 ) -> _Samples:
@@ -357,6 +370,7 @@ def _present(
         sigma=np.maximum(np.sqrt(np.mean(std[good] ** 2, axis=1)), LEAST_STD_M),
         angle=np.where(known, phi[good], np.nan),
         angle_std=np.where(known, np.maximum(np.nan_to_num(phi_std[good]), LEAST_STD_RAD), 1.0),
+        short=np.zeros(len(good)) if short is None else short[good],
         turn=turned[good],
         tool=np.zeros((len(good), 2)) if tool is None else tool[good],
     )

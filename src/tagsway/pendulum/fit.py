@@ -68,6 +68,8 @@ class Solution:
     tag_ratio : float
         How large the tags would have to be, over what was stated, for one pendulum to explain what is left after all;
         1 where it does, or where no size would.
+    shorted : ndarray, shape (15,)
+        How far the parameters go where the tag's rotation falls short by a standard error of that.
     """
 
     parameters: FloatArray
@@ -83,6 +85,7 @@ class Solution:
     left_out: float
     alone: float
     tag_ratio: float
+    shorted: FloatArray
 
     @property
     def rubbed(self) -> bool:
@@ -116,14 +119,29 @@ class Solution:
         of_fit : bool
             That of the fit; by default the larger of it and the bootstrap's.
         """
-        step = 1e-6
-        around = self.parameters[:, None] + step * np.hstack([np.eye(len(Unknown)), -np.eye(len(Unknown))])
-        values = quantity(around)
-        gradient = (values[: len(Unknown)] - values[len(Unknown) :]) / (2 * step)
+        gradient = self._gradient(quantity)
         variance = float(gradient @ self.covariance @ gradient)
         if not of_fit:
             variance = max(variance, float(gradient @ self.scattered @ gradient))
         return math.sqrt(max(variance, 0.0))
+
+    def estimate_geometry(self, quantity: Callable[[FloatArray], FloatArray], *, low: float = -math.inf) -> Estimate:
+        """Return what lies on the arc: a coder that shows the tag turn too little moves the pivot on its arm.
+
+        Parameters
+        ----------
+        quantity, low
+            As those of `estimate`.
+        """
+        plain = self.estimate(quantity, low=low)
+        short = float(self._gradient(quantity) @ self.shorted)
+        return Estimate.normal(plain.value, math.hypot(plain.std, short), low=low)
+
+    def _gradient(self, quantity: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        step = 1e-6
+        around = self.parameters[:, None] + step * np.hstack([np.eye(len(Unknown)), -np.eye(len(Unknown))])
+        values = quantity(around)
+        return (values[: len(Unknown)] - values[len(Unknown) :]) / (2 * step)
 
 
 def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatArray]) -> tuple[Problem, Solution]:
@@ -250,6 +268,10 @@ def _solve(problem: Problem, parameters: FloatArray, *, alone: float, tag_ratio:
     excess = _excess(problem, parameters)
     prior = jacobian[-rows:].T @ jacobian[-rows:]
     inverse = np.asarray(np.linalg.pinv(slopes.T @ slopes + prior, hermitian=True), dtype=float)
+    short = np.zeros(problem.measured.shape)
+    short[2] = record.angle_short_rad
+    shorted = np.zeros(len(Unknown))
+    shorted[problem.free] = inverse @ slopes.T @ problem.whiten(short)
     scattered = inverse @ (_scatter(problem, samples, slopes, parameters) + prior) @ inverse
     stated = np.asarray(np.linalg.pinv(slopes.T @ slopes / excess + prior, hermitian=True), dtype=float)
 
@@ -269,6 +291,7 @@ def _solve(problem: Problem, parameters: FloatArray, *, alone: float, tag_ratio:
         largest_pull=float(np.max(np.abs(residual[-rows:]))),
         alone=alone,
         tag_ratio=tag_ratio,
+        shorted=shorted,
         left_out=1 - np.count_nonzero(both) / np.count_nonzero(np.all(np.isfinite(record.sway_m), axis=1)),
     )
 

@@ -19,6 +19,7 @@ from tagsway.filters import (
 )
 from tagsway.model import BoolArray, FloatArray, IntArray, Notice, TagTrack, Track, Window
 from tagsway.pendulum.arc import LEAST_STD_M, LEAST_STD_RAD
+from tagsway.pendulum.shortfall import find_shortfall
 
 DRAWS = 300
 """Draws of the pivot's path, whose scatter is the input's share of the samples' covariance.
@@ -73,6 +74,8 @@ class Record:
         x and z of PCP minus TCP, NaN where a tag was not seen, and the noise of each.
     angle_rad, angle_std_rad : ndarray, shape (n,)
         The PCP tag's rotation, NaN where there is none, and its noise.
+    angle_short_rad : ndarray, shape (n,)
+        What a coder may have taken from all of it together, to one standard error.
     tool_m : ndarray, shape (n, 2)
         Smoothed path of the TCP, from its mean.
     tool_turn_rad : ndarray, shape (n,)
@@ -100,6 +103,7 @@ class Record:
     sway_std_m: FloatArray
     angle_rad: FloatArray
     angle_std_rad: FloatArray
+    angle_short_rad: FloatArray
     tool_m: FloatArray
     tool_turn_rad: FloatArray
     turn_at_rad: FloatArray
@@ -173,6 +177,7 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
         angular_frequency_rad_s=angular_frequency_rad_s,
         angle_rad=near.pcp.angle_rad[inside],
         angle_std_rad=_usable_std(near.pcp.angle_std_rad, LEAST_STD_RAD, FALLBACK_STD_RAD)[inside],
+        angle_short_rad=find_shortfall(part_of(near.pcp, inside)),
         tool_m=path - path.mean(axis=0),
         tool_turn_rad=turn(time[inside]),
         turn_at_rad=turn(halves),

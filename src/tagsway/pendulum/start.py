@@ -32,6 +32,7 @@ def find_arc(record: Record, fallback_radius_m: float) -> Arc:
         record.sway_std_m,
         record.angle_rad,
         record.angle_std_rad,
+        angle_short_rad=record.angle_short_rad,
         tool_turn_rad=record.tool_turn_rad,
         tool_m=record.tool_m,
     )
