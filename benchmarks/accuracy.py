@@ -1,6 +1,6 @@
 """How exactly a tag is measured: against the noise's bound, plain detection, and its own standard errors.
 
-    python benchmarks/accuracy.py [--repeats 200] [--frames 240] [--sides 40 60 90] [--only mpeg4]
+    python benchmarks/accuracy.py [--repeats 200] [--frames 240] [--sides 20 40 60 90] [--only mpeg4]
 
 Raw images first; then, for each size, a video in every codec and preset: a tag that goes along a line, one that swings,
 one whose swing dies out to a third of a pixel, and four at rest. A normalised variance of 1 means honest errors; a tag
@@ -62,7 +62,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--repeats", type=int, default=200)
     parser.add_argument("--frames", type=int, default=240)
-    parser.add_argument("--sides", type=float, nargs="+", default=[40.0, 60.0, 90.0])
+    parser.add_argument("--sides", type=float, nargs="+", default=[20.0, 40.0, 60.0, 90.0])
     parser.add_argument("--only", default="", help="the codecs whose name contains this, and no raw images")
     options = parser.parse_args()
     if not options.only:
