@@ -65,6 +65,39 @@ def test_a_manifest_gives_globs_factors_and_options_and_inherits_the_rest(tmp_pa
     assert (xz.subset, xz.settings.tcp_tag_size_m, xz.settings.mass_kg, xz.settings.tcp_id) == ("xz", 0.03, 0.05, 4)
 
 
+@pytest.mark.parametrize(
+    ("common", "own", "asked"),
+    [
+        ("with = 'x/r0.csv'", "mass = 45", {"mass_kg": 0.045}),
+        ("mass = 45", "with = 'x/r0.csv'", {"mass_kg": 0.045}),
+        ("reference_id = 5", "up = 'reference'", {"reference_id": 5, "up": "reference"}),
+        ("pcp_id = 2", "tcp_id = 1", {"tcp_id": 1, "pcp_id": 2}),
+    ],
+)
+def test_options_that_need_each_other_may_stand_in_two_tables(tmp_path, common, own, asked) -> None:
+    root = write_set(tmp_path / "set", {"x": [2.0]})
+    manifest(root, f"[settings]\n{common}\n[[measurement]]\nfile = 'x/r0.csv'\n{own}\n")
+    settings = find_set(root).items[0].settings
+    assert {name: getattr(settings, name) for name in asked} == asked
+
+
+def test_a_pattern_means_nothing_hidden_and_no_results_unless_it_says_so(tmp_path) -> None:
+    root = tmp_path / "set"
+    for name in ("a/1.csv", "a/._1.csv", "a/1-identify/track.csv", "out/attempts.jsonl", "out/measurements.csv"):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).touch()
+    manifest(root, '[[measurement]]\nfile = "**/*.csv"\n')
+    assert names(root) == ["a/1.csv"]
+    manifest(root, '[[measurement]]\nfile = ["*/*-identify/track.csv", "a/._*.csv"]\n')
+    assert names(root) == ["a/._1.csv", "a/1-identify/track.csv"]
+
+
+def test_samples_that_are_called_by_two_numbers_keep_their_names(tmp_path) -> None:
+    write_set(tmp_path, {"x": [2.0, 2.1]})
+    (tmp_path / "set.csv").write_text("file,sample\nx/r0.csv,1_1\nx/r1.csv,11\n")
+    assert [dict(item.factors)["sample"] for item in find_set(tmp_path).items] == ["1_1", 11]
+
+
 def test_a_table_of_files_is_a_manifest_too(tmp_path) -> None:
     write_set(tmp_path, {"x": [2.0, 2.1]})
     (tmp_path / "all.csv").write_text("file; subset; gripper; tag_size\nx/r0.csv; 25; A; 30\nx/r1.csv; 25; B;\n")
@@ -98,6 +131,9 @@ def test_a_table_of_files_is_a_manifest_too(tmp_path) -> None:
         ('[[measurement]]\nfile = "x/*.csv"\nfactor_status = "new"', "column"),
         ('[[measurement]]\nfile = "x/*.csv"\nfactor_subset = "new"', "column"),
         ('[[measurement]]\nfile = "x/*.csv"\nsubset = "(all)"', "whole"),
+        ('[[measurement]]\nfile = "x/*.csv"\ngripper = "A"\nfactor_gripper = "B"', "twice"),
+        ('[[measurement]]\nfile = "x/*.csv"\ncolumns = "t"', "T,X,Z"),
+        ('[settings]\nwith = "x/r0.csv"\n[[measurement]]\nfile = "x/*.csv"', "measurement 1: --with needs --mass"),
     ],
 )
 def test_a_manifest_that_cannot_be_used_is_refused_with_the_key(tmp_path, text, word) -> None:
@@ -190,6 +226,16 @@ def test_a_killed_run_s_half_written_line_and_file_do_no_harm(tmp_path) -> None:
     stray.write_text("{")
     run(root, out)
     assert not stray.exists()
+    assert tables(out) == before
+
+
+@pytest.mark.parametrize("left", [b"", b'{"schema": "tagswa'])
+def test_a_result_that_the_disk_lost_is_measured_again(tmp_path, left) -> None:
+    root, out = write_set(tmp_path / "set", {"a": [2.0, 2.1]}), tmp_path / "out"
+    run(root, out)
+    before = tables(out)
+    next((out / "results").glob("*/*.jsonl")).write_bytes(left)
+    run(root, out)
     assert tables(out) == before
 
 

@@ -78,7 +78,7 @@ def run(
         sway_axis=sway_axis,
         window=None if window is None else _window(window),
         frequency_spread_percent=frequency_spread,
-        columns=None if columns is None else _columns(columns),
+        columns=None if columns is None else tuple(part.strip() for part in columns.split(",")),
         shaper=shaper,
         log=None if log is None else str(log),
     )
@@ -149,10 +149,3 @@ def _window(text: str) -> Window:
     except ValueError:
         raise InputError(f"--window is {text!r}: expected START:END in seconds, such as 1.3:4") from None
     return Window(start_s=start, end_s=end)
-
-
-def _columns(text: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in text.split(","))
-    if len(names) not in (2, 3) or not all(names):
-        raise InputError(f"--columns is {text!r}: expected the names T,X or T,X,Z")
-    return names

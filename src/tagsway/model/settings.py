@@ -99,6 +99,8 @@ class Settings:
             raise InputError(f"--up is {self.up!r}: expected image, reference or an angle in degrees")
         if self.up == "reference" and self.reference_id is None:
             raise InputError("--up reference needs --reference-id, the tag that is fixed to the machine")
+        if self.columns is not None and (len(self.columns) not in (2, 3) or not all(self.columns)):
+            raise InputError(f"--columns is {','.join(self.columns)!r}: expected the names T,X or T,X,Z")
         if self.sway_axis is not None and self.sway_axis not in ("x", "z") and not _is_number(self.sway_axis):
             raise InputError(f"--sway-axis is {self.sway_axis!r}: expected x, z or an angle in degrees")
 

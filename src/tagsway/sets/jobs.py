@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,6 +124,17 @@ def result_key(sha256: str, digest: str) -> str:
 def result_path(out: Path, key: str) -> Path:
     """Return where a result is kept: spread over folders, as a set may be large."""
     return out / f"results/{key[:2]}/{key}.jsonl"
+
+
+def has_result(out: Path, key: str) -> bool:
+    """Tell whether a result is kept, and ends as it was written: a disk that lost its power may hold less."""
+    try:
+        with result_path(out, key).open("rb") as file:
+            begins = file.read(1) == b"{"
+            file.seek(-1, os.SEEK_END)
+            return begins and file.read(1) == b"\n"
+    except OSError:
+        return False
 
 
 def page_path(out: Path, key: str, ending: str) -> Path:

@@ -17,6 +17,7 @@ from tagsway.model import Settings
 from tagsway.sets.jobs import (
     FILE,
     Outcome,
+    has_result,
     named_files,
     page_ending,
     page_path,
@@ -83,7 +84,7 @@ class Ledger:
         if known is None or known[0] is None or known[0] != stamp_of(item.path):
             return None
         key = result_key(known[1], digest)
-        return key if result_path(self.out, key).exists() else None
+        return key if has_result(self.out, key) else None
 
     def lacks_page(self, item: Item, key: str) -> bool:
         """Tell whether one of an item's measurements could have a page of its own, and has none."""
@@ -151,12 +152,11 @@ class Ledger:
             return
         for ending, html in outcome.pages:
             write_text(page_path(self.out, outcome.key, ending), html)
-        path = result_path(self.out, outcome.key)
         self._read.pop(outcome.key, None)
-        if outcome.lines and not path.exists():
+        if outcome.lines and not has_result(self.out, outcome.key):
             head = {"schema": SCHEMA, **json.loads(outcome.lines[0])}
             text = json.dumps(head, ensure_ascii=False, separators=(",", ":"))
-            write_text(path, "\n".join([text, *outcome.lines[1:]]) + "\n")
+            write_text(result_path(self.out, outcome.key), "\n".join([text, *outcome.lines[1:]]) + "\n")
         self._digests[item.name] = (stamp, outcome.sha256)
         _append(self.out / DIGESTS, {"file": item.name, "stamp": stamp, "sha256": outcome.sha256})
 

@@ -17,7 +17,10 @@ def read_listing(path: Path) -> list[dict[str, str]] | None:
             reader = csv.DictReader(text, delimiter=delimiter, skipinitialspace=True, restval="")
             if "file" not in [name.strip() for name in reader.fieldnames or ()]:
                 return None
-            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+            names = [name.strip() for name in reader.fieldnames or ()]
+            if twice := sorted({name for name in names if name and names.count(name) > 1}):
+                raise InputError(f"{path} has two columns {twice[0]!r}: expected each name once")
+            reader.fieldnames = names
             rows = []
             for row in reader:
                 if any(field.strip() for field in row.pop(None, ())):
@@ -29,11 +32,11 @@ def read_listing(path: Path) -> list[dict[str, str]] | None:
 
 
 def number_or_text(text: str) -> Any:
-    """Return a field of a table as TOML would read it: a number, true or false, or a word."""
+    """Return a field of a table as a number, true or false, or a word; 3_1 is a word, as a sample may be called."""
     text = text.strip()
     if text in ("true", "false"):
         return text == "true"
-    for kind in (int, float):
+    for kind in () if "_" in text else (int, float):
         try:
             return kind(text)
         except ValueError:

@@ -155,6 +155,7 @@ class _Finder:
         self._leave_out = None if leave_out is None else leave_out.resolve()
         self._may_be_empty = may_be_empty
         self._inherited: dict[Path, dict[str, Any]] = {}
+        self._results: dict[Path, bool] = {}
         self._settings: dict[str, Settings] = {}
 
     def from_folder(self) -> list[Item]:
@@ -253,7 +254,8 @@ class _Finder:
         except (ValueError, IndexError, NotImplementedError):
             raise InputError(f"{origin}: file is {pattern!r}: expected a name or a pattern such as 'a/*.mp4'") from None
         if any(sign in pattern for sign in "*?["):
-            files = [p for p in found if p.is_file() and p.name not in (MANIFEST, TABLE, INHERITED)]
+            meant = (p for p in found if p.name not in (MANIFEST, TABLE, INHERITED) and self._is_meant(p, pattern))
+            files = [p for p in meant if p.is_file()]
         else:
             files = [p for p in found if p.is_file() or p.is_dir()]
         if not files and not self._may_be_empty:
@@ -261,6 +263,21 @@ class _Finder:
         for file in files:
             inside(file, self.root, origin=origin)
         return files
+
+    def _is_meant(self, path: Path, pattern: str) -> bool:
+        """Tell whether a pattern means a file: what is hidden, or among results, only where it says so."""
+        hidden = any(part.startswith(".") for part in path.relative_to(self.root).parts)
+        if hidden and not any(part.startswith(".") for part in Path(pattern).parts):
+            return False
+        return any(ending in pattern for ending in RESULTS) or not self._holds_results(path.parent)
+
+    def _holds_results(self, folder: Path) -> bool:
+        if folder == self.root:
+            return False
+        if folder not in self._results:
+            own = folder.name.endswith(RESULTS) or (folder / ATTEMPTS).exists()
+            self._results[folder] = own or self._holds_results(folder.parent)
+        return self._results[folder]
 
     def _is_left_out(self, path: Path) -> bool:
         return self._leave_out is not None and path.resolve().is_relative_to(self._leave_out)
@@ -324,6 +341,8 @@ def _sort_keys(entry: Mapping[str, Any], origin: str) -> tuple[dict[str, Factor]
             raise InputError(f"{origin}: {key} is {value!r}: expected a word or a number")
         if name in OWN:
             raise InputError(f"{origin}: {key} is the name of a column of measurements.csv: give the factor another")
+        if name in factors:
+            raise InputError(f"{origin}: the factor {name} is stated twice: expected {name} or {PREFIX}{name}")
         factors[name] = value
     return factors, options
 

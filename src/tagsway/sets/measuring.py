@@ -15,7 +15,7 @@ from tagsway.errors import TagswayError
 from tagsway.model import AlignedMove, Estimate, Result
 from tagsway.pipeline import Measurement, aligned_move, identify
 from tagsway.report.page import render_page
-from tagsway.sets.jobs import FILE, Job, Outcome, page_ending, result_key, result_path
+from tagsway.sets.jobs import FILE, Job, Outcome, has_result, page_ending, result_key
 from tagsway.sets.manifest import Item
 from tagsway.sets.moves import to_plain_move
 from tagsway.sets.picks import identify_picks
@@ -65,7 +65,7 @@ def _measure(job: Job) -> Outcome:
     with local_copy(item.path) as file:
         sha256 = file_sha256(*list_files(file))
         key = result_key(sha256, job.settings_digest)
-        kept = result_path(out, key).exists()
+        kept = has_result(out, key)
         if kept and not job.pages:
             return Outcome(key=key, sha256=sha256)
         shared = out.is_dir()

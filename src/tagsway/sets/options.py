@@ -14,6 +14,9 @@ from tagsway.store.documents import validate
 PATHS = ("camera", "with", "log")
 """Options that name a file."""
 
+TOGETHER = frozenset({"with", "up", "tcp_id", "pcp_id", "reference_id"})
+"""Options that are judged beside others, which another table may state."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
@@ -74,7 +77,8 @@ def read_options(table: Mapping[str, Any], *, folder: Path, root: Path, origin: 
     Raises
     ------
     InputError
-        For an unknown name, a value that cannot be, or a path that leaves the set.
+        For an unknown name, a value that cannot be, or a path that leaves the set. What is wrong with several options
+        together is told where they come together, by `make_settings`.
     """
     stated = {name.replace("-", "_"): value for name, value in table.items()}
     for name in stated:
@@ -83,14 +87,14 @@ def read_options(table: Mapping[str, Any], *, folder: Path, root: Path, origin: 
     for name in PATHS:
         if isinstance(stated.get(name), str):
             stated[name] = str(inside(folder / stated[name], root, origin=origin))
-    make_settings(stated, origin=origin)
+    _validate(stated, origin)
+    make_settings({name: value for name, value in stated.items() if name not in TOGETHER}, origin=origin)
     return stated
 
 
 def make_settings(stated: Mapping[str, Any], *, origin: str) -> Settings:
     """Return the settings that some stated options make."""
-    named = {("other" if name == "with" else name): value for name, value in stated.items()}
-    options: Options = validate(Options, named, origin=origin)
+    options = _validate(stated, origin)
     size = options.tag_size
     try:
         return Settings(
@@ -117,6 +121,12 @@ def make_settings(stated: Mapping[str, Any], *, origin: str) -> Settings:
         )
     except InputError as fault:
         raise InputError(f"{origin}: {fault}") from None
+
+
+def _validate(stated: Mapping[str, Any], origin: str) -> Options:
+    named = {("other" if name == "with" else name): value for name, value in stated.items()}
+    options: Options = validate(Options, named, origin=origin)
+    return options
 
 
 def inside(path: Path, root: Path, *, origin: str) -> Path:
