@@ -11,9 +11,11 @@ import pytest
 
 from set_files import events, inline, tables, write_decay, write_set
 from tagsway.errors import InputError
+from tagsway.model import Settings
 from tagsway.sets.batch import Batch, measure_set
 from tagsway.sets.ledger import open_ledger
 from tagsway.sets.manifest import find_set
+from tagsway.sets.picks import settings_of_track
 from tagsway.sets.subsets import name_file
 from tagsway.sets.tables import make_tables, share_picks
 from tagsway.store.measurements import read_measurements
@@ -133,6 +135,7 @@ def test_a_table_of_files_is_a_manifest_too(tmp_path) -> None:
         ('[[measurement]]\nfile = "x/*.csv"\nsubset = "(all)"', "whole"),
         ('[[measurement]]\nfile = "x/*.csv"\ngripper = "A"\nfactor_gripper = "B"', "twice"),
         ('[[measurement]]\nfile = "x/*.csv"\ncolumns = "t"', "T,X,Z"),
+        ('[settings]\nwindow = "1:2"\n[[measurement]]\nfile = "x/*.csv"\npicks = true', "leave window out"),
         ('[settings]\nwith = "x/r0.csv"\n[[measurement]]\nfile = "x/*.csv"', "measurement 1: --with needs --mass"),
     ],
 )
@@ -321,13 +324,13 @@ def test_the_parquet_table_holds_what_the_csv_does(tmp_path) -> None:
 
 @pytest.mark.slow
 def test_every_move_of_a_clip_is_a_row(tmp_path) -> None:
-    # Three picks of a payload of 2.2 Hz: the tool goes 300 mm in 0.4 s and rests for 2.5 s.
+    # Three picks of a payload of 2.2 Hz: the tool goes some 300 mm in 0.4 s and rests for 2.5 s.
     rate, frequency = 200, 2.2
     time = np.arange(int(9.5 * rate)) / rate
     tool = np.zeros_like(time)
-    for number, start in enumerate((0.5, 3.5, 6.5)):
+    for way, start in ((300, 0.5), (-250, 3.5), (280, 6.5)):
         share = np.clip((time - start) / 0.4, 0, 1)
-        tool += 300 * (-1) ** number * (10 * share**3 - 15 * share**4 + 6 * share**5)
+        tool += way * (10 * share**3 - 15 * share**4 + 6 * share**5)
     omega, zeta = 2 * np.pi * frequency, 0.05
     acceleration = np.gradient(np.gradient(tool, time), time)
     sway, speed = np.zeros_like(time), 0.0
@@ -340,12 +343,21 @@ def test_every_move_of_a_clip_is_a_row(tmp_path) -> None:
     lines = [",".join(f"{value:.4f}" for value in row) for row in rows]
     header = "time_s,tcp_x_mm,tcp_z_mm,pcp_x_mm,pcp_z_mm"
     (tmp_path / "clip.csv").write_text("\n".join([header, *lines]) + "\n")
+    log = [f"{t:.4f},{x / 1e3:.7f},0,-0.3" for t, x in zip(time + 7, tool, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,x_m,y_m,z_m", *log]) + "\n")
+    (tmp_path / "identify.toml").write_text('log = "log.csv"\n')
     table = run(tmp_path / "clip.csv", tmp_path / "out").tables.measurements
     assert list(table["pick"]) == [1, 2, 3]
+    assert table["warnings"].str.contains("tool_from_log").all()
     # discretisation: of the integration above
     np.testing.assert_allclose(table["natural_frequency_hz"], frequency, rtol=5e-3)
     assert table["window_start_s"].is_monotonic_increasing
     assert np.all(np.diff(table["window_start_s"]) == pytest.approx(3.0, abs=0.3))
+
+
+def test_a_pick_s_track_has_what_the_film_s_settings_said() -> None:
+    film = Settings(reference_id=5, up="reference", camera="camera.json", fps_hz=200.0, mass_kg=0.04, shaper="zvd")
+    assert settings_of_track(film) == Settings(mass_kg=0.04, shaper="zvd")
 
 
 @pytest.mark.parametrize(

@@ -206,13 +206,18 @@ class _Finder:
         else:
             name = file
             stated = {**self._beneath, **self._inherit(self.root), **stated}
+        settings, picks = self._make_settings(stated, origin or name), bool(stated.get("picks", False))
+        if picks and settings.window is not None:
+            raise InputError(
+                f"{origin or name}: picks finds a window in each move, and one is stated: leave window out"
+            )
         return Item(
             name=name,
             path=str(file),
             subset=subset,
             factors=tuple(sorted(factors.items())),
-            settings=self._make_settings(stated, origin or name),
-            picks=bool(stated.get("picks", False)),
+            settings=settings,
+            picks=picks,
         )
 
     def _make_settings(self, stated: Mapping[str, Any], origin: str) -> Settings:

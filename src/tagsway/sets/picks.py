@@ -11,6 +11,7 @@ from tagsway.filters import clean_track
 from tagsway.filters.moves import find_moves
 from tagsway.model import CleanTagTrack, CleanTrack, Settings, TagTrack, Track, Window
 from tagsway.pipeline import Measurement, identify
+from tagsway.pipeline.log import with_log
 from tagsway.pipeline.recording import Recording, read_recording
 from tagsway.sets.manifest import as_text
 from tagsway.store.steps import StepStore
@@ -39,7 +40,7 @@ def identify_picks(
     file : Path
         A video or a track in which the tool moves again and again.
     settings : Settings
-        What the user said about it; the window is found in each move.
+        What the user said about it, without a window: it is found in each move.
     steps : StepStore
         Where the sightings are kept.
     decoder_threads : int
@@ -59,6 +60,8 @@ def identify_picks(
         Where the tool never moves.
     """
     recording = read_recording(file, settings, steps=steps, decoder_threads=decoder_threads)
+    if settings.log is not None:
+        recording = with_log(recording, Path(settings.log))
     track = recording.track
     clean = clean_track(track)
     moves = _moves_of(track, clean)
@@ -73,6 +76,12 @@ def identify_picks(
     return tuple(found)
 
 
+def settings_of_track(settings: Settings) -> Settings:
+    """Return the settings of a film without what its track holds already: camera, log, rate, and where up is."""
+    done = {"camera": None, "reference_id": None, "log": None, "columns": None, "fps_hz": None, "up": "image"}
+    return replace(settings, **done)  # type: ignore[arg-type]
+
+
 def _moves_of(track: Track, clean: CleanTrack) -> tuple[Window, ...]:
     if clean.tcp is None or not np.isfinite(clean.tcp.position).any():
         return ()
@@ -83,7 +92,7 @@ def _moves_of(track: Track, clean: CleanTrack) -> tuple[Window, ...]:
 def _identify_pick(
     piece: Track, move: Window, tool: CleanTagTrack | None, file: Path, settings: Settings, recording: Recording
 ) -> Measurement:
-    own = replace(settings, camera=None, reference_id=None, log=None, columns=None, fps_hz=None, window=None)
+    own = settings_of_track(settings)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "track.csv"
         write_track(path, piece, None)
