@@ -28,7 +28,7 @@ from tagsway.design import (
 from tagsway.design.motion import find_way, simulate_together
 from tagsway.design.planning import find_peaks, plan_candidate, vertical_kept
 from tagsway.errors import InputError, NotIdentifiableError
-from tagsway.model import GRAVITY_M_S2, DesignMode, Mode, Robot
+from tagsway.model import GRAVITY_M_S2, DesignMode, Limits, Mode, Move, Robot
 from tagsway.pipeline.designing import write_advice
 from tagsway.shapers import design_shaper
 from tagsway.store.documents import read_shaper
@@ -160,6 +160,17 @@ def test_the_peaks_are_those_of_the_limit_check() -> None:
     vector = next(check.value for check in report.checks if check.name == "acceleration_m_s2")
     assert peaks.acceleration_m_s2 == pytest.approx(vector, rel=1e-12)  # identity: constant in each piece
     assert peaks.vertical_m == pytest.approx(0.05 - max(report.lost_vertical_m), abs=1e-9)
+
+
+def test_a_smooth_move_that_is_chosen_keeps_its_limits_between_the_looks_of_the_scan() -> None:
+    jerk = Limits(jerk_m_s3=120.0, acceleration_m_s2=20.0)
+    move = Move(from_m=(0, 0, -0.8), to_m=(0.35, 0, -0.8), profile="b-spline", max_acceleration_m_s2=5.0, limits=jerk)
+    limits = read_limits(move, placement_window_m=0.2)
+    found = search_candidate([move], None, (), limits, settings_of(flexible_spread(), np.random.default_rng(2)))
+    assert found.legal
+    assert not check_limits(
+        found.planned.trajectories[0], found.planned.trajectories[0], found.planned.moves[0]
+    ).notices
 
 
 def test_the_quickest_unshaped_move_lies_on_its_island() -> None:

@@ -10,9 +10,17 @@ from tagsway.design.limits import DesignLimits
 from tagsway.design.motion import simulate_motion
 from tagsway.design.optimise import OptimisedMove, optimise_move
 from tagsway.design.payload import PayloadSpread, corner_payloads, draw_payloads, make_payloads, sample_payloads
-from tagsway.design.planning import PlannedCandidate, ShapedAxes, find_peaks
+from tagsway.design.planning import PlannedCandidate, ShapedAxes
 from tagsway.design.problem import OptimiserSettings
-from tagsway.design.search import Candidate, SearchSettings, Verdict, find_broken, find_nearest, judge, search_candidate
+from tagsway.design.search import (
+    Candidate,
+    SearchSettings,
+    Verdict,
+    find_broken_at_last,
+    find_nearest,
+    judge,
+    search_candidate,
+)
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import NORMAL_95, DesignMode, FloatArray, Mode, Move, Notice, Shaper, Spread, Trajectory
 from tagsway.shapers import IMPULSE_TYPES, SHAPER_TYPES, Band, design_multimode, design_shaper
@@ -308,7 +316,7 @@ def _optimum(
 def _check_optimum(found: OptimisedMove, task: DesignTask, settings: SearchSettings) -> Verdict:
     """Return the verdict of an optimised move over fresh payloads, the robot's limits and joints included."""
     verdict = judge(simulate_motion(found.trajectory, settings.checked), task.limits)
-    broken = find_broken(find_peaks(found.trajectory), task.limits)
+    broken = find_broken_at_last((found.trajectory,), task.limits)
     if PlannedCandidate(moves=task.moves, trajectories=(found.trajectory,)).find_joint_fault() is not None:
         broken = "joints"
     return verdict if broken is None else replace(verdict, broken=broken)

@@ -13,9 +13,16 @@ import numpy as np
 from tagsway.design.limits import LIMIT_NAMES, DesignLimits
 from tagsway.design.motion import Outcome, longest_step_s, simulate_motion, simulate_together, tail_s
 from tagsway.design.payload import Payloads
-from tagsway.design.planning import MotionPeaks, PlannedCandidate, ShapedAxes, find_peaks, plan_candidate
+from tagsway.design.planning import (
+    MotionPeaks,
+    PlannedCandidate,
+    ShapedAxes,
+    find_peaks,
+    plan_candidate,
+    refine_peaks,
+)
 from tagsway.errors import InputError
-from tagsway.model import FloatArray, Move, Shaper
+from tagsway.model import FloatArray, Move, Shaper, Trajectory
 
 LOWEST_M_S2, HIGHEST_M_S2 = 0.5, 60.0
 """Accelerations that are scanned; a shaped move may be planned with more than the robot's limit and yet keep it."""
@@ -186,10 +193,13 @@ def find_nearest(candidates: Sequence[Candidate]) -> Candidate:
 
 
 def check_candidate(candidate: Candidate, limits: DesignLimits, payloads: Payloads) -> Candidate:
-    """Return a candidate with its verdict over other payloads, simulated finely and with the robot's joints."""
-    planned = candidate.planned
+    """Return a candidate with its verdict over other payloads, simulated finely, its exact peaks and its joints."""
+    planned, own = candidate.planned, candidate.verdict
+    broken = find_broken_at_last(planned.trajectories, limits)
+    if broken not in (None, own.broken):
+        return replace(candidate, verdict=replace(own, broken=broken))
     if planned.find_joint_fault() is not None:
-        return replace(candidate, verdict=replace(candidate.verdict, broken=JOINTS))
+        return replace(candidate, verdict=replace(own, broken=JOINTS))
     verdicts = [judge(simulate_motion(t, payloads, step_s=CHECK_STEP_S), limits) for t in planned.trajectories]
     return _with_verdict(candidate, verdicts)
 
@@ -227,6 +237,12 @@ def find_broken(peaks: MotionPeaks, limits: DesignLimits) -> str | None:
         if not (np.all(peaks.lowest_m >= low - 1e-6) and np.all(peaks.highest_m <= high + 1e-6)):
             return "box_m"
     return None if peaks.vertical_m >= limits.vertical_m - 1e-6 else "vertical_mm"
+
+
+def find_broken_at_last(trajectories: Sequence[Trajectory], limits: DesignLimits) -> str | None:
+    """Return the first limit of the robot that the exact peaks of some motions break, or None."""
+    broken = (find_broken(refine_peaks(find_peaks(each), each), limits) for each in trajectories)
+    return next(filter(None, broken), None)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -275,7 +291,10 @@ class _Search:
             group = self._pass(queue[start : start + GROUP], self.settings.rough, ROUGH_SHARE)
             for candidate in self._pass(group, self.settings.scanned, self.limits.share):
                 checked = check_candidate(candidate, self.limits, self.settings.checked)
-                if checked.verdict.share_kept >= self.limits.share and checked.verdict.broken != JOINTS:
+                if (
+                    checked.verdict.share_kept >= self.limits.share
+                    and checked.verdict.broken == candidate.verdict.broken
+                ):
                     return checked
                 self.failed.append(checked)
         return None
