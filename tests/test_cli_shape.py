@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tagsway.cli.app import run
-from tagsway.model import DesignMode
+from tagsway.cli.modes import read_target
+from tagsway.model import DesignMode, Mode
 from tagsway.shapers import design_shaper, residual_percentile
 
 MODE = ["--frequency", "2.4727", "--damping", "0.00035146"]
@@ -84,6 +85,21 @@ def test_measurements_give_their_median_as_the_mode_and_their_scatter_as_the_spr
     assert spread["natural_frequency_std_percent"] == pytest.approx(100 * between / np.mean(measured), rel=1e-6)
     assert document["residual"]["p95"] > 0
     assert document["source"] == "measurements.csv: median of 3"
+
+
+def test_a_set_s_shaper_is_for_the_operating_amplitude_and_its_payload_for_a_small_swing() -> None:
+    head = "natural_frequency_hz,damping_ratio,operating_frequency_hz,amplitude_mm\n"
+    name = write("measurements.csv", f"{head}2.4,0.01,2.3,20\n2.5,0.01,2.4,22\n2.6,0.01,,\n")
+    target = read_target(Path(name), [], [], None)
+    assert target.mode == DesignMode(frequency_hz=2.4, damping_ratio=0.01, amplitude_m=0.021)
+    assert target.swings == (Mode(natural_frequency_hz=2.5, damping_ratio=0.01),)
+
+
+def test_a_set_s_row_that_tells_no_damping_is_left_out_as_in_the_set_s_own_shaper(capsys) -> None:
+    text = "status,natural_frequency_hz,damping_ratio\nok,2.4,0.003\ndegraded,2.6,\nok,2.5,0.004\n"
+    document = json.loads(printed(capsys, ["shaper", "--from", write("measurements.csv", text)]))
+    assert document["modes"][0]["frequency_hz"] == 2.45
+    assert document["residual"]["spread"]["n"] == 2
 
 
 def test_one_measurement_gives_no_spread(capsys) -> None:

@@ -11,6 +11,8 @@ from scipy.integrate import solve_ivp
 
 from design_cases import FREQUENCY_HZ, LENGTH_M, flexible_move, flexible_spread
 from tagsway.cli.app import run
+from tagsway.cli.modes import read_target
+from tagsway.cli.spreads import SpreadWish, read_spread
 from tagsway.design import (
     Advice,
     DesignTask,
@@ -330,6 +332,21 @@ sample_time_ms = 2.0
 acceleration_m_s2 = 20.0
 placement_window_mm = 7.0
 """
+
+
+@pytest.mark.parametrize("shape", ["normal", "uniform"])
+def test_payloads_scatter_as_the_measurements_do_whatever_the_shape(tmp_path, shape) -> None:
+    rng = np.random.default_rng(4)
+    rows = zip(rng.normal(2.0, 0.05, 200), rng.normal(0.05, 0.004, 200), strict=True)
+    path = tmp_path / "measurements.csv"
+    path.write_text("natural_frequency_hz,damping_ratio\n" + "\n".join(f"{f},{z}" for f, z in rows), encoding="utf-8")
+    target = read_target(path, [], [], None)
+    wish = {"folder": None, "damping_spread": None, "further_percent": (), "gains": (), "length_mm": None}
+    spread, _ = read_spread(SpreadWish(target=target, shape=shape, stated=False, **wish))
+    drawn = draw_payloads(spread, 20_000, rng=rng)
+    # statistics: the standard deviation of 20000 draws is known to 0.5 %, Student's t adds 0.8 %
+    assert np.std(drawn.frequency_hz) == pytest.approx(np.std(target.repeats.frequency_hz, ddof=1), rel=0.03)
+    assert np.std(drawn.damping_ratio) == pytest.approx(np.std(target.repeats.damping_ratio, ddof=1), rel=0.03)
 
 
 @pytest.fixture

@@ -103,6 +103,7 @@ def design(
             gains=gain or [],
             length_mm=length,
             shape=spread_shape.value,
+            stated=bool(spreads),
         )
     )
     limits = read_limits(

@@ -144,7 +144,7 @@ def _from_measurements(path: Path) -> Target:
         modes=(repeats.mode,),
         spread=repeats.spread,
         source=f"{repeats.source}: median of {len(repeats.frequency_hz)}",
-        swings=(_small(repeats.mode),),
+        swings=(_mode(repeats.natural_frequency_hz, repeats.mode.damping_ratio),),
         repeats=repeats,
     )
 

@@ -1,5 +1,6 @@
 """How a payload varies from pick to pick: what a design is for."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,9 @@ class SpreadWish:
         Equivalent length, where it is stated.
     shape : {"normal", "uniform"}
         Of the spread.
+    stated : bool
+        Whether the frequency's spread is an option of the command, in the measure of its shape; else it is a standard
+        deviation.
     """
 
     target: Target
@@ -43,6 +47,11 @@ class SpreadWish:
     gains: Sequence[float]
     length_mm: float | None
     shape: Literal["normal", "uniform"]
+    stated: bool
+
+    def reach(self, std: float) -> float:
+        """Return a standard deviation in the measure of the shape: half the width of a uniform spread is √3 of them."""
+        return math.sqrt(3) * std if self.shape == "uniform" else std
 
 
 def read_spread(wish: SpreadWish) -> tuple["PayloadSpread", list[Notice]]:
@@ -63,7 +72,7 @@ def read_spread(wish: SpreadWish) -> tuple["PayloadSpread", list[Notice]]:
             code="single_measurement",
         )
     mode, notices = target.swings[0], list(target.notices)
-    damping_std = _damping_std(wish, notices)
+    damping = _damping_spread(wish, notices)
     length, radius = target.length_m, target.tag_radius_m
     if wish.length_mm is not None:
         length = wish.length_mm / 1e3
@@ -72,12 +81,13 @@ def read_spread(wish: SpreadWish) -> tuple["PayloadSpread", list[Notice]]:
         words = f"a pendulum without a spring is assumed, {1e3 * length:.1f} mm long: state --length if it is stiffer"
         notices.append(Notice(code="length_assumed", message=words))
     percent = target.spread.natural_frequency_std_percent
+    percent = percent if wish.stated else wish.reach(percent)
     further, said = _further(wish, percent, length, radius)
     payload = PayloadSpread(
         mode=mode,
         frequency_percent=percent,
-        damping_low=max(mode.damping_ratio - damping_std, 0.0),
-        damping_high=min(mode.damping_ratio + damping_std, 0.95),
+        damping_low=max(mode.damping_ratio - damping, 0.0),
+        damping_high=min(mode.damping_ratio + damping, 0.95),
         length_m=length,
         tag_radius_m=length if radius is None else radius,
         shape=wish.shape,
@@ -88,7 +98,7 @@ def read_spread(wish: SpreadWish) -> tuple["PayloadSpread", list[Notice]]:
     return payload, [*notices, *said]
 
 
-def _damping_std(wish: SpreadWish, notices: list[Notice]) -> float:
+def _damping_spread(wish: SpreadWish, notices: list[Notice]) -> float:
     import numpy as np
 
     repeats, ratio = wish.target.repeats, wish.target.swings[0].damping_ratio
@@ -99,7 +109,7 @@ def _damping_std(wish: SpreadWish, notices: list[Notice]) -> float:
             )
         return wish.damping_spread
     if repeats is not None and len(repeats.damping_ratio) > 1:
-        return float(np.std(repeats.damping_ratio, ddof=1))
+        return wish.reach(float(np.std(repeats.damping_ratio, ddof=1)))
     words = f"the damping's spread is not known: ±{100 * ASSUMED_DAMPING:g} % of it are assumed; state it"
     notices.append(Notice(code="damping_spread_assumed", message=f"{words} with --damping-spread"))
     return ASSUMED_DAMPING * ratio

@@ -83,13 +83,13 @@ class SubsetPlan:
         """A digest of all that the subset's files depend on."""
         bare = self.bare
         factors = {name: list(map(str, values)) for name, values in bare.factors.items()}
-        told = [__version__, bare.name, factors, [[key, numbers] for _, key, numbers in self.sources]]
-        digest = hashlib.sha256(json.dumps(told).encode())
+        words = [__version__, bare.name, factors, [[key, numbers] for _, key, numbers in self.sources]]
+        digest = hashlib.sha256(json.dumps(words).encode())
         arrays = [bare.frequency_hz, bare.rejected_hz, bare.few_hz]
         if bare.measured is not None:
-            arrays += [bare.measured.frequency_hz, bare.measured.damping_ratio]
-            std_hz = bare.measured.frequency_std_hz
-            arrays += [] if std_hz is None else [std_hz]
+            measured = bare.measured
+            told = (measured.frequency_std_hz, measured.operating_hz, measured.amplitude_mm)
+            arrays += [measured.frequency_hz, measured.damping_ratio, *(each for each in told if each is not None)]
         for array in arrays:
             digest.update(f"{len(array)} ".encode())
             digest.update(np.ascontiguousarray(array).tobytes())

@@ -20,7 +20,7 @@ from tagsway.repeats import (
 from tagsway.sets.columns import FIRST, NUMBERS, TEXTS, WHOLE
 from tagsway.sets.ledger import NO_NUMBER, Ledger
 from tagsway.sets.manifest import Item
-from tagsway.store.measurements import DAMPING, FREQUENCY, FREQUENCY_STD, MeasuredModes
+from tagsway.store.measurements import AMPLITUDE, DAMPING, FREQUENCY, FREQUENCY_STD, OPERATING, MeasuredModes
 
 MEASUREMENTS = "measurements.csv"
 CONDITION, GROUP, PLACE = "(condition)", "(group)", "(place)"
@@ -233,8 +233,17 @@ def modes_of(kept: pd.DataFrame, *, source: str) -> MeasuredModes | None:
     whole = kept[kept[FREQUENCY].notna() & kept[DAMPING].notna()]
     if not len(whole):
         return None
-    frequency, damping, std = (whole[name].to_numpy(dtype=float) for name in (FREQUENCY, DAMPING, FREQUENCY_STD))
-    return MeasuredModes(frequency_hz=frequency, damping_ratio=damping, source=source, frequency_std_hz=std)
+    frequency, damping, std, operating, amplitude = (
+        whole[name].to_numpy(dtype=float) for name in (FREQUENCY, DAMPING, FREQUENCY_STD, OPERATING, AMPLITUDE)
+    )
+    return MeasuredModes(
+        frequency_hz=frequency,
+        damping_ratio=damping,
+        source=source,
+        frequency_std_hz=std,
+        operating_hz=operating,
+        amplitude_mm=amplitude,
+    )
 
 
 def _between(kept: pd.DataFrame) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FREQUENCY, DAMPING = "natural_frequency_hz", "damping_ratio"
 FREQUENCY_STD = "natural_frequency_std_hz"
+OPERATING, AMPLITUDE = "operating_frequency_hz", "amplitude_mm"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,19 +32,38 @@ class MeasuredModes:
         The file's name.
     frequency_std_hz : ndarray, shape (n,), optional
         Each measurement's own standard error.
+    operating_hz, amplitude_mm : ndarray, shape (n,), optional
+        The frequency at each measurement's mean amplitude, and that; NaN where it is not told.
     """
 
     frequency_hz: FloatArray
     damping_ratio: FloatArray
     source: str
     frequency_std_hz: FloatArray | None = None
+    operating_hz: FloatArray | None = None
+    amplitude_mm: FloatArray | None = None
 
     @property
     def mode(self) -> DesignMode:
-        """The median of both: one bad measurement does not move it."""
+        """What a shaper is designed for, the medians: one bad measurement does not move them.
+
+        At the operating amplitude, where that is told: of a large swing a payload is slower.
+        """
+        operating, amplitude = self.frequency_hz, None
+        if self.operating_hz is not None:
+            operating = np.where(self.operating_hz > 0, self.operating_hz, operating)
+            known = self.amplitude_mm if self.amplitude_mm is not None else np.array([])
+            amplitude = float(np.nanmedian(known)) / 1e3 if np.isfinite(known).any() else None
         return DesignMode(
-            frequency_hz=float(np.median(self.frequency_hz)), damping_ratio=float(np.median(self.damping_ratio))
+            frequency_hz=float(np.median(operating)),
+            damping_ratio=float(np.median(self.damping_ratio)),
+            amplitude_m=amplitude,
         )
+
+    @property
+    def natural_frequency_hz(self) -> float:
+        """The median, of a small swing."""
+        return float(np.median(self.frequency_hz))
 
     @property
     def spread(self) -> Spread | None:
@@ -60,7 +80,7 @@ class MeasuredModes:
             spread = between_repeat_spread(fit_random_effects(self.frequency_hz, std), source=self.source)
             if spread.natural_frequency_std_percent > 0:
                 return spread
-        percent = 100 * float(np.std(self.frequency_hz, ddof=1)) / self.mode.frequency_hz
+        percent = 100 * float(np.std(self.frequency_hz, ddof=1)) / self.natural_frequency_hz
         return Spread(source=self.source, natural_frequency_std_percent=percent, n=n)
 
 
@@ -71,7 +91,8 @@ def read_measurements(path: Path) -> MeasuredModes:
     ----------
     path : Path
         A table with the columns natural_frequency_hz and damping_ratio. Rows in which `rejected_by` says something,
-        or in which both numbers are missing, are left out.
+        or in which both numbers are missing, are left out; of a set's own table (it has a `status`) also those in
+        which one is: the film did not tell it.
 
     Returns
     -------
@@ -93,11 +114,13 @@ def read_measurements(path: Path) -> MeasuredModes:
                 f"{path} has no column {name!r}: expected {FREQUENCY} and {DAMPING}; it has "
                 f"{', '.join(map(str, table.columns))}"
             )
-    table = table[[name for name in (FREQUENCY, DAMPING, FREQUENCY_STD, "rejected_by") if name in table]]
+    missing: Literal["any", "all"] = "any" if "status" in table else "all"
+    named = (FREQUENCY, DAMPING, FREQUENCY_STD, OPERATING, AMPLITUDE, "rejected_by")
+    table = table[[name for name in named if name in table]]
     if "rejected_by" in table:
         reason = table["rejected_by"]
         table = table[reason.isna() | (reason.astype(str).str.strip() == "")]
-    table = table.dropna(subset=[FREQUENCY, DAMPING], how="all")
+    table = table.dropna(subset=[FREQUENCY, DAMPING], how=missing)
     values = table[[FREQUENCY, DAMPING]].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
     frequency, damping = values.T
     for name, faulty in (
@@ -113,10 +136,18 @@ def read_measurements(path: Path) -> MeasuredModes:
             )
     if not len(values):
         raise InputError(f"{path} holds no measurement that can be used: every row is empty or rejected")
-    std = None
-    if FREQUENCY_STD in table:
-        std = pd.to_numeric(table[FREQUENCY_STD], errors="coerce").to_numpy(dtype=float)
-    return MeasuredModes(frequency_hz=frequency, damping_ratio=damping, source=path.name, frequency_std_hz=std)
+    std, operating, amplitude = (
+        pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float) if name in table else None
+        for name in (FREQUENCY_STD, OPERATING, AMPLITUDE)
+    )
+    return MeasuredModes(
+        frequency_hz=frequency,
+        damping_ratio=damping,
+        source=path.name,
+        frequency_std_hz=std,
+        operating_hz=operating,
+        amplitude_mm=amplitude,
+    )
 
 
 def write_table(path: Path, table: "pd.DataFrame") -> None:
