@@ -126,6 +126,12 @@ def test_a_second_mode_is_said_to_be_assumed(capsys) -> None:
 MODE = ["--frequency", "2", "--damping", "0.05"]
 
 
+def test_measurements_are_the_samples_and_no_other_number_of_them_is_taken(capsys) -> None:
+    Path("measurements.csv").write_text("natural_frequency_hz,damping_ratio\n2.4,0.05\n2.5,0.05\n")
+    assert run(["simulate", "--move", MOVE, "--from", "measurements.csv", "--samples", "5"]) == 2
+    assert "the measurements are the samples" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -152,6 +158,8 @@ MODE = ["--frequency", "2", "--damping", "0.05"]
         ([*MODE, "--max-overshoot", "-2"], "--max-overshoot is -2"),
         ([*MODE, "--reference", "0"], "--reference is 0"),
         ([*MODE, "--mass", "nan"], "--mass is nan"),
+        ([*MODE, "--mass", "40", "--accelerations", "1,2"], "--mass"),
+        ([*MODE, "--second-gain", "0.5"], "no second body"),
         ([*MODE, "--second-mode", "7"], "HZ:RATIO"),
         ([*MODE, "--second-mode", "7:2"], "damping"),
         ([*MODE, "--shaper", "zvq"], "zvq"),

@@ -280,6 +280,14 @@ def test_the_residual_is_weighed_by_time_and_leaves_gaps_out() -> None:
     assert found.vector_m_s2[0] == pytest.approx(np.hypot(2, GRAVITY_M_S2), rel=1e-3)
 
 
+def test_the_residual_of_a_constant_push_is_that_push_however_few_samples_show_it() -> None:
+    time = np.linspace(0, 2, 11)
+    tool = np.stack([np.clip(time, 0, 1), 0 * time], axis=1)
+    push = np.stack([np.where(time >= 1, 2.0, 0.0), 0 * time], axis=1)
+    found = judge_move(time, tool, tool, push, end_s=1.0, final_m=np.array([1.0, 0.0]))
+    assert found.residual_rms_m_s2 == pytest.approx(2.0, rel=1e-12)  # identity
+
+
 def test_nothing_after_the_move_is_no_residual_and_no_travel_no_overshoot() -> None:
     tool = level_tool()[:1001, :, None]
     zero = np.zeros((1001, 2, 1))

@@ -106,8 +106,8 @@ def judge_move(
     duration = np.broadcast_to(end_s - time_s[0], beyond.shape[1:]).astype(float)
     settling = find_settling(time_s, beyond, SETTLED * reference)
     horizontal, vector = load_of(pcp_acceleration_m_s2)
-    later = (time_s >= end_s) & np.isfinite(horizontal)
-    after = np.where((time_s > end_s) & np.isfinite(horizontal), horizontal, np.nan)
+    later = (time_s > end_s) & np.isfinite(horizontal)
+    after = np.where(later, horizontal, np.nan)
     sideways = np.abs(away[:, 0])
     return Criteria(
         reference_m=reference,

@@ -99,6 +99,10 @@ def read_payload(wish: PayloadWish) -> KnownPayload:
     known = _vary(wish, pendulum, source, target)
     body = wish.second if wish.second is not None else next(iter(target.swings[1:]), None)
     if body is None:
+        if wish.gain is not None:
+            raise InputError(
+                f"--second-gain is {wish.gain:g}, and there is no second body: state --second-mode HZ:RATIO"
+            )
         return known
     return _hang_second(known, body, wish, target)
 
@@ -222,6 +226,10 @@ def _vary(wish: PayloadWish, pendulum: Pendulum, source: str, target: Target) ->
         return KnownPayload(payload=payload, nominal=int(np.argmin(np.abs(share))), source=words, notices=said)
     if target.repeats is not None:
         measured = target.repeats
+        if count is not None:
+            raise InputError(
+                f"--samples is {count}, but the measurements are the samples: give --spread too, or leave it out"
+            )
         frequency = np.append(pendulum.natural_frequency_hz, measured.frequency_hz)
         zeta = np.append(pendulum.damping_ratio, np.clip(measured.damping_ratio, 0, 0.99))
         words = f"{source}; the median and each of {len(measured.frequency_hz)} measurements"

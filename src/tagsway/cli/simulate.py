@@ -73,6 +73,8 @@ def simulate(
             raise InputError(f"{name} is {value:g}: expected more than 0")
     limits = read_limits(max_pcp_acceleration, max_overshoot, box)
     chosen = choose_study(study, accelerations, bool(limits))
+    if mass is not None and chosen is not None:
+        raise InputError("--mass gives the force in the motion of one move, and a study writes none: leave it out")
     wanted = read_move(move)
     known = read_payload(
         PayloadWish(
