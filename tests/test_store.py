@@ -240,11 +240,12 @@ def test_a_step_is_computed_once_for_the_same_dependencies(tmp_path) -> None:
     assert len(calls) == 2
 
 
-def test_a_damaged_step_is_computed_again(tmp_path) -> None:
+@pytest.mark.parametrize("left", [b"PK damaged", b""])
+def test_a_damaged_step_is_computed_again(tmp_path, left) -> None:
     store = StepStore(folder=tmp_path)
     store.get("r", Residual, lambda: Residual(at_mode=0.25), depends_on=1)
     assert not list(tmp_path.iterdir()), "nothing is written before it is to be kept"
     store.keep()
     (kept,) = tmp_path.glob("*.npz")
-    kept.write_bytes(b"PK damaged")
+    kept.write_bytes(left)
     assert store.get("r", Residual, lambda: Residual(at_mode=0.5), depends_on=1).at_mode == 0.5

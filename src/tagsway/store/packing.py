@@ -85,7 +85,7 @@ def read_packed(kind: type[T], path: Path) -> T:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files if name != TREE}
             return unpack(kind, arrays, json.loads(str(archive[TREE])))
-    except (OSError, KeyError, TypeError, zipfile.BadZipFile) as fault:
+    except (OSError, EOFError, KeyError, TypeError, NotImplementedError, zipfile.BadZipFile) as fault:
         raise ValueError(f"{path} does not hold a {kind.__name__}: {fault}") from None
 
 
