@@ -19,6 +19,7 @@ from tagsway.errors import InputError
 from tagsway.sets.batch import Batch, measure_set
 from tagsway.sets.ledger import open_ledger
 from tagsway.sets.manifest import find_set
+from tagsway.sets.tables import make_tables
 from tagsway.store.measurements import read_measurements
 
 pytest.importorskip("fsspec")
@@ -79,6 +80,17 @@ def test_the_same_files_from_a_server_and_from_this_machine_give_the_same_number
     shutil.copytree(tmp_path / "there", tmp_path / "near")
     near = run(manifest(tmp_path / "near", "a/r0.csv"), tmp_path / "2").tables.measurements
     assert far["natural_frequency_hz"].tolist() == near["natural_frequency_hz"].tolist()
+
+
+def test_a_server_s_folder_is_a_subset_and_no_set_of_the_server_s_kind_and_may_fill_later(server, tmp_path) -> None:
+    root = tmp_path / "set"
+    root.mkdir()
+    (root / "set.csv").write_text(f"file\n{server}/a/r0.csv\n{server}/a/*.mp4\n")
+    with pytest.raises(InputError, match="matches nothing"):
+        find_set(root)
+    (item,) = find_set(root, may_be_empty=True).items
+    assert item.subset == f"{server}/a"
+    assert set(make_tables([{"file": "a", "subset": item.subset, "status": "failed"}]).summary["set"]) == {""}
 
 
 @pytest.mark.skipif(find_spec("s3fs") is not None, reason="what s3 needs is installed")

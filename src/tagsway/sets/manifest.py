@@ -249,7 +249,7 @@ class _Finder:
 
     def _matches(self, pattern: str, origin: str) -> Iterable[Path | str]:
         if is_url(pattern):
-            return find_remote(pattern, origin=origin)
+            return find_remote(pattern, origin=origin, may_be_empty=self._may_be_empty)
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
             raise InputError(
                 f"{origin}: file {pattern!r} may lead out of the set {self.root}: expected a path inside it"

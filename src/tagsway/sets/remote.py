@@ -32,8 +32,8 @@ def refuse_url(path: Path) -> None:
         raise InputError(f'{url} is a URL: name the files in a set.toml or set.csv, such as file = "{url}/*.mp4"')
 
 
-def find_remote(url: str, *, origin: str) -> list[str]:
-    """Return the URLs that a pattern stands for, sorted.
+def find_remote(url: str, *, origin: str, may_be_empty: bool = False) -> list[str]:
+    """Return the URLs that a pattern stands for, sorted; `may_be_empty` for a folder that is being filled.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def find_remote(url: str, *, origin: str) -> list[str]:
         found = sorted(fs.unstrip_protocol(name) for name in fs.glob(path))
     except Exception as fault:  # each kind of file system has its own
         raise InputError(f"{origin}: file {url!r} cannot be listed: {fault}") from None
-    if not found:
+    if not found and not may_be_empty:
         raise InputError(f"{origin}: file {url!r} matches nothing")
     return found
 

@@ -139,7 +139,8 @@ def _sets_of(table: pd.DataFrame) -> "pd.Series[Any]":
     if SET in table:
         return _as_text(table[SET])
     subset = table["subset"].astype(str)
-    return subset.str.partition("/")[0].where(subset.str.contains("/", regex=False), "")
+    nested = subset.str.contains("/", regex=False) & ~subset.str.contains("://", regex=False)
+    return subset.str.partition("/")[0].where(nested, "")
 
 
 def reject(part: pd.DataFrame) -> list[str]:
