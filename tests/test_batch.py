@@ -40,6 +40,7 @@ def until(condition, process: "subprocess.Popen[bytes]") -> None:
         (["set", "--workers", "0"], "--workers"),
         (["set", "--workers", "1", "--cluster", "tcp://127.0.0.1:1"], "--cluster"),
         (["empty"], "empty"),
+        (["set", "--out", ""], "--out is empty"),
     ],
 )
 def test_a_set_that_cannot_be_used_ends_with_2_and_leaves_nothing(inside, capsys, arguments, word) -> None:

@@ -1,5 +1,6 @@
 """What a set consists of, what is done once, and what its measurements say together."""
 
+import json
 import os
 import shutil
 import sys
@@ -230,6 +231,16 @@ def test_a_killed_run_s_half_written_line_and_file_do_no_harm(tmp_path) -> None:
     run(root, out)
     assert not stray.exists()
     assert tables(out) == before
+
+
+def test_a_run_that_was_killed_in_its_first_entry_spoils_no_other(tmp_path) -> None:
+    root, out = write_set(tmp_path / "set", {"a": [2.0, 2.1]}), tmp_path / "out"
+    out.mkdir()
+    (out / "files.jsonl").write_text('{"file": "a/r0.c')
+    run(root, out)
+    run(root, out)
+    assert len(events(out, "started")) == 2
+    assert [json.loads(line)["file"] for line in (out / "files.jsonl").read_text().splitlines()] == names(root)
 
 
 @pytest.mark.parametrize("left", [b"", b'{"schema": "tagswa'])

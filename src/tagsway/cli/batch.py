@@ -39,7 +39,7 @@ def batch(
             metavar="SET",
         ),
     ],
-    out: Annotated[Path | None, typer.Option(help="Folder for the results.", show_default="NAME-identify")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder for the results.", show_default="NAME-identify")] = None,
     workers: Annotated[int | None, typer.Option(help="Processes, each on one core.", show_default="the cores")] = None,
     cluster: Annotated[
         str | None, typer.Option(help="A Dask scheduler instead, such as tcp://host:8786.", metavar="ADDRESS")
@@ -62,7 +62,9 @@ def batch(
         raise InputError("--workers is of this machine and --cluster of others: give one of them")
     if workers is not None and not workers >= 1:
         raise InputError(f"--workers is {workers}: expected 1 or more")
-    folder = Path(f"{path.resolve().stem}-identify") if out is None else out
+    if out is not None and not out.strip():
+        raise InputError("--out is empty: expected a folder for the results")
+    folder = Path(f"{path.resolve().stem}-identify" if out is None else out)
     check_writable(folder)
     find_set(path, leave_out=folder, may_be_empty=watch)  # a set that cannot be used leaves no folder behind
 

@@ -174,8 +174,8 @@ class Ledger:
             json.dumps({"file": name, "stamp": stamp, "sha256": sha256}, ensure_ascii=False)
             for name, (stamp, sha256) in self._digests.items()
         ]
-        if lines:
-            write_text(self.out / DIGESTS, "\n".join(lines) + "\n")
+        if (self.out / DIGESTS).exists():  # what is half written would spoil the entry that comes after it
+            write_text(self.out / DIGESTS, "".join(f"{line}\n" for line in lines))
         results = self.out / "results"
         for stray in (*results.glob("*/.*.jsonl"), *(self.out / "pages").glob("*/.*.html")):
             stray.unlink(missing_ok=True)
