@@ -12,6 +12,7 @@ import pytest
 
 from set_files import inline, write_decay
 from tagsway.repeats import factor_share, pool_shares
+from tagsway.report.set_words import effect_over_span
 from tagsway.sets.batch import Batch, measure_set
 from tagsway.sets.effects import find_effects
 from tagsway.sets.ledger import open_ledger
@@ -52,6 +53,24 @@ def finished(tmp_path_factory) -> Path:
     (root / "set.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     run(root, root.parent / "out-of-set")
     return root.parent / "out-of-set"
+
+
+def test_a_slope_of_the_damping_s_logarithm_compounds_over_the_span() -> None:
+    vacuum = np.repeat([400.0, 600.0, 800.0], 6)
+    rng = np.random.default_rng(3)
+    damping = 0.01 * np.exp(2e-3 * (vacuum - 400) + 0.01 * rng.normal(size=18))
+    rows = [
+        {**row, "damping_ratio": zeta}
+        for row, zeta in zip(rows_of(2 + 0.01 * rng.normal(size=18), vacuum_mbar=vacuum), damping, strict=True)
+    ]
+    table = find_effects(make_tables(rows).kept()).table
+    (row,) = table[table["quantity"] == "damping_ratio"].to_dict("records")
+    effect, name = effect_over_span(row, {"vacuum_mbar": (400.0, 800.0)})
+    assert name == "vacuum_mbar: 800 against 400"
+    # statistics: four of its own standard errors of e^0.8 - 1
+    assert effect.value == pytest.approx(100 * np.expm1(0.8), abs=4 * effect.std)
+    assert effect.ci95[0] < effect.value < effect.ci95[1]
+    assert effect.std == pytest.approx((effect.ci95[1] - effect.ci95[0]) / 4, rel=0.2)
 
 
 def test_the_effects_of_a_set_are_those_that_were_put_in(finished) -> None:

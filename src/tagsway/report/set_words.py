@@ -15,6 +15,10 @@ SURE = 0.05
 """Chance with which any of the effects of a set may be called sure where there is none."""
 
 
+MOST_LOG = 100.0
+"""Of a change: what would be more is no number to show."""
+
+
 class SummaryTable(NamedTuple):
     """One set's subsets as Tables 4.2 and 4.3 of the thesis have them."""
 
@@ -114,8 +118,17 @@ def effect_over_span(row: Record, spans: Mapping[str, tuple[float, float]]) -> t
     if not row["against"]:
         low, high = spans[factor]
         scale, words = high - low, f"{factor}: {high:g} against {low:g}"
-    value, std, ends = row["effect"] * scale, row["std"] * scale, (row["low"] * scale, row["high"] * scale)
-    return Estimate(value=value, std=std, ci95=ends), words
+    effect, low, high = row["effect"], row["low"], row["high"]
+    if not row["unit"].startswith("%"):
+        return Estimate(value=scale * effect, std=scale * row["std"], ci95=(scale * low, scale * high)), words
+    value, *ends = (_compound(percent, scale) for percent in (effect, low, high))
+    std = row["std"] * scale * (100 + value) / (100 + effect) if effect > -100 else math.nan
+    return Estimate(value=value, std=std, ci95=(ends[0], ends[1])), words
+
+
+def _compound(percent: float, times: float) -> float:
+    """Return what a change by so many percent comes to after so many times: slopes are of the logarithm."""
+    return 100 * math.expm1(min(times * math.log1p(percent / 100), MOST_LOG)) if percent > -100 else percent
 
 
 def describe_set_shaper(shaper: Shaper | None, reason: str) -> str:
