@@ -55,6 +55,14 @@ def finished(tmp_path_factory) -> Path:
     return root.parent / "out-of-set"
 
 
+def test_days_that_are_written_as_numbers_are_different_days() -> None:
+    days = [20260129, 20260130, 20260131] * 4
+    values = [2.0 + 0.1 * (day == 20260131) + 0.001 * number for number, day in enumerate(days)]
+    table = find_effects(make_tables(rows_of(values, date=days)).kept()).table
+    own = table[table["quantity"] == "natural_frequency_hz"]
+    assert list(own["level"]) == ["20260130", "20260131"]
+
+
 def test_a_slope_of_the_damping_s_logarithm_compounds_over_the_span() -> None:
     vacuum = np.repeat([400.0, 600.0, 800.0], 6)
     rng = np.random.default_rng(3)

@@ -158,7 +158,7 @@ def _is_missing(value: object) -> bool:
 
 
 def _word(value: object) -> str:
-    return f"{value:g}" if isinstance(value, (float, np.floating)) else str(value)
+    return f"{value:.15g}" if isinstance(value, (float, np.floating)) else str(value)
 
 
 def _order(word: str) -> tuple[float, str]:

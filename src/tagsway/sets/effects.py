@@ -105,7 +105,8 @@ def factor_values(kept: pd.DataFrame) -> dict[str, list[object]]:
 
 def _as_name(value: object) -> object:
     """Return 3 and 3.0 as "3": a column with gaps holds floats."""
-    return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) and value == value else value
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and value == value
+    return f"{value:.15g}" if number else value  # 20260131 is a date: six digits would make a month one day
 
 
 def _rows(quantity: str, model: FactorModel) -> list[dict[str, Any]]:
