@@ -160,6 +160,7 @@ def test_measurements_are_the_samples_and_no_other_number_of_them_is_taken(capsy
         ([*MODE, "--mass", "nan"], "--mass is nan"),
         ([*MODE, "--mass", "40", "--accelerations", "1,2"], "--mass"),
         ([*MODE, "--second-gain", "0.5"], "no second body"),
+        ([*MODE, "--second-mode", "7:0.02", "--second-gain", "nan"], "--second-gain is nan"),
         ([*MODE, "--second-mode", "7"], "HZ:RATIO"),
         ([*MODE, "--second-mode", "7:2"], "damping"),
         ([*MODE, "--shaper", "zvq"], "zvq"),

@@ -70,6 +70,13 @@ def test_one_file_a_blow_and_one_column_a_blow_say_the_same(tmp_path) -> None:
     assert apart.blows[0].channel == "blow0: q1"
 
 
+def test_three_answers_tell_the_mean_with_student_s_interval(tmp_path) -> None:
+    blows = [FIRST_HZ, 1.02 * FIRST_HZ, 0.99 * FIRST_HZ]
+    mean = identify_impulses([write(tmp_path / "x.csv", [answer(blows)])])[0].first_frequency_hz
+    # published value: Student's t, 97.5 % with two degrees of freedom
+    assert (mean.ci95[1] - mean.value) / mean.std == pytest.approx(4.303, abs=5e-4)
+
+
 def test_a_joint_that_does_not_answer_is_left_out(tmp_path) -> None:
     silent = 0.05 * np.random.default_rng(9).normal(size=len(TIME))
     result, _ = identify_impulses([write(tmp_path / "x.csv", [answer([FIRST_HZ] * 3), silent])])

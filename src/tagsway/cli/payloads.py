@@ -160,6 +160,8 @@ def _check(wish: PayloadWish) -> None:
         raise InputError("--stiffness goes with --length: a frequency already holds it")
     if wish.spread_percent is not None and not 0 < wish.spread_percent < 90:
         raise InputError(f"--spread is {wish.spread_percent:g}: expected more than 0 and less than 90 percent")
+    if wish.gain is not None and not math.isfinite(wish.gain):
+        raise InputError(f"--second-gain is {wish.gain:g}: expected a number, such as 0.1")
     if wish.samples is not None and not 1 <= wish.samples <= MOST_SAMPLES:
         raise InputError(f"--samples is {wish.samples}: expected 1 to {MOST_SAMPLES}")
 

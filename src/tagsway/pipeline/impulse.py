@@ -1,14 +1,15 @@
 """From records of hammer blows to the robot's first frequency, and its distance from the payload's."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.impulse import average_spectra, find_blows, find_first_peak, lowest_frequency, measure_blow
 from tagsway.model import (
-    NORMAL_95,
     Blow,
     BlowResult,
     Estimate,
@@ -87,22 +88,31 @@ def identify_impulses(
     if not found:
         raise NotIdentifiableError(f"no blow shows the averaged spectrum's peak at {near:.4g} Hz", code="no_peak")
     peaks = np.array([blow.peak_hz for blow in found])
-    mean = float(peaks.mean())
-    std = float(peaks.std(ddof=1) / np.sqrt(len(peaks))) if len(peaks) > 1 else float(0.5 / found[0].duration_s)
-    summary, damping = summarise_repeats(peaks), _summary([blow.damping_ratio for blow in found])
+    mean, summary = _mean_of(peaks, found[0].duration_s), summarise_repeats(peaks)
+    damping = _summary([blow.damping_ratio for blow in found])
     result = ImpulseResult(
         files=tuple(file.name for file in files),
-        first_frequency_hz=Estimate(value=mean, std=std, ci95=(mean - NORMAL_95 * std, mean + NORMAL_95 * std)),
+        first_frequency_hz=mean,
         peaks=summary,
         natural_frequency_hz=_summary([blow.natural_frequency_hz for blow in found]),
         damping_ratio=damping,
         resolution_hz=1 / min(blow.duration_s for blow in found),
         bin_hz=float(spectra.frequency_hz[1]),
         blows=found,
-        payload=None if payload_hz is None else _distance(mean, damping, payload_hz, shaper),
+        payload=None if payload_hz is None else _distance(mean.value, damping, payload_hz, shaper),
         warnings=_notices(summary, found, lost=len(blows) - len(found)),
     )
     return result, spectra
+
+
+def _mean_of(peaks_hz: FloatArray, duration_s: float) -> Estimate:
+    """Return the mean with Student's interval: three answers know their scatter badly. Of one, half a resolution."""
+    mean, n = float(peaks_hz.mean()), len(peaks_hz)
+    if n == 1:
+        return Estimate.normal(mean, 0.5 / duration_s)
+    std = float(peaks_hz.std(ddof=1)) / math.sqrt(n)
+    half = float(student_t.ppf(0.975, n - 1)) * std
+    return Estimate(value=mean, std=std, ci95=(mean - half, mean + half))
 
 
 def _all_blows(files: Sequence[Path]) -> list[Blow]:
