@@ -378,6 +378,30 @@ def test_friction_is_chosen_where_the_swings_fall_by_even_steps() -> None:
     assert "damping_depends_on_amplitude" in {notice.code for notice in fit.notices}
 
 
+def test_what_dry_friction_has_stopped_is_no_slow_decay_and_bends_no_damping() -> None:
+    time, q, pendulum = swing(0.5, damping=0.03, duration=4.2, coulomb_friction_rad_s2=1.2)
+    noise = 2e-5 * np.random.default_rng(0).standard_normal((2, len(time)))
+    fit = identify_modes(make_track(time, 0.05 * np.sin(q) + noise[0], -0.05 * np.cos(q) + noise[1]), whole(time))
+    damping = fit.estimate.damping_ratio
+    assert damping is not None
+    # statistics: with the stop, it was 1.9 errors off at every seed
+    assert abs(damping.value - pendulum.damping_ratio) < damping.std
+    assert "coloured_residual" not in {notice.code for notice in fit.notices}
+
+
+def test_a_second_body_that_swings_too_far_to_be_a_mode_is_in_the_error() -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(270) / 60.0
+    far = np.exp(-0.28 * time)
+    body = 1.2e-3 * far * np.cos(2 * np.pi * 3.85 * np.cumsum(1 - 0.06 * far**2) / 60.0)
+    x = 6e-3 * np.exp(-0.155 * time) * np.cos(2 * np.pi * 3.223 * time + 0.7) + body
+    fit = identify_modes(make_track(time, x + 1.5e-5 * rng.standard_normal(len(time))), whole(time))
+    found = fit.estimate.natural_frequency_hz
+    assert found is not None
+    assert found.ci95[0] < 3.223 < found.ci95[1]
+    assert found.std < 1e-3 * found.value
+
+
 def test_pieces_of_a_decay_lie_on_its_backbone() -> None:
     time, q, _ = swing(0.5, damping=0.006, duration=6.0)
     rng = np.random.default_rng(18)
@@ -639,7 +663,7 @@ def test_free_swing_of_a_rotary_pendulum_has_friction_and_no_linear_decay() -> N
     assert fit.estimate.damping_ratio is not None
     assert fit.estimate.operating_damping_ratio.value > 1.5 * fit.estimate.damping_ratio.value, "friction was chosen"
     rejected = {notice.code: notice.message for notice in fit.notices}["linear_decay_rejected"]
-    # published value: it leaves 4 % of the swing, 16 times as much
-    assert "leaves 4 % of the swing, 16.4 times" in rejected
+    # published value: it leaves 4 % of the swing, 17 times as much
+    assert "leaves 4 % of the swing, 17.0 times" in rejected
     early = identify_modes(make_track(time, angle, unit="px"), Window(start_s=0.3, end_s=float(time[-1])))
     assert "model_misfit" in {notice.code for notice in early.notices}

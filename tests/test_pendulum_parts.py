@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pendulum_scenes import FLEXIBLE, Recording, pick_and_place, record
+from pendulum_scenes import FLEXIBLE, STANDING, Recording, pick_and_place, record
 from tagsway.dynamics import PendulumEnsemble, simulate_sway, step_sway
 from tagsway.model import FloatArray
 from tagsway.pendulum import fit_arc
@@ -161,3 +161,16 @@ def test_a_light_body_that_swings_along_is_found_and_widens_l(problem: Problem) 
     heavier.measured = problem.measured.copy()
     heavier.measured[problem.seen] += body * problem.std[problem.seen]
     assert find_sizes(heavier, best, ways).body > 2 * find_sizes(problem, best, ways).body
+
+
+def test_a_codec_drags_no_tool_that_stands() -> None:
+    film = record(FLEXIBLE, STANDING, seed=5, angle_rad=0.8)
+    assert film.track.tcp is not None
+    coded = replace(film.track, tcp=replace(film.track.tcp, image_share=0.3))
+    draws = [
+        choose_record(
+            track, film.window, angular_frequency_rad_s=OMEGA, rng=np.random.default_rng(0)
+        ).velocity_draws_m_s
+        for track in (film.track, coded)
+    ]
+    np.testing.assert_array_equal(*draws)  # identity

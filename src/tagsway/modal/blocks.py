@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tagsway.modal.decay import OMEGA, PLACES, predict
+from tagsway.modal.decay import ALPHA, DRAG, FRICTION, OMEGA, PLACES, envelope, predict
 from tagsway.modal.noise import grid_places
 from tagsway.modal.samples import DecayFit, Samples
 from tagsway.modal.uncertainty import SOFT
@@ -15,6 +15,12 @@ ENOUGH = 3000
 
 PER_PERIOD = 32
 """Blocks that are left in a period: what an average over one hides of the noise's share at f_n is below 0.2 %."""
+
+STOPPING = 0.08
+"""Friction's loss over the amplitude, over ω_d, beyond which a decay is no slow one: eight widths of the dead band."""
+
+FEWEST_CYCLES = 3.0
+"""That are left before friction stops the motion, or all of it is fitted."""
 
 
 def average_blocks(samples: Samples, fit: DecayFit | None, *, omega: float) -> Samples:
@@ -74,6 +80,30 @@ def average_blocks(samples: Samples, fit: DecayFit | None, *, omega: float) -> S
         drive=drive,
         common=None if samples.common is None else np.column_stack([mean(one) for one in samples.common.T]),
     )
+
+
+def drop_stop(samples: Samples, fit: DecayFit) -> Samples:
+    """Return the samples before dry friction stops the motion: there its loss is no small part of a swing any more.
+
+    Parameters
+    ----------
+    samples : Samples
+        All of them.
+    fit : DecayFit
+        That is close.
+
+    Returns
+    -------
+    Samples
+        The same where friction is no term, or leaves few swings before.
+    """
+    omega, alpha, drag, friction = fit.parameters[[OMEGA, ALPHA, DRAG, FRICTION]]
+    swings = STOPPING * omega * envelope(samples.time_s, alpha, drag, friction)[0] > friction
+    count = int(np.argmin(swings)) if not np.all(swings) else len(swings)
+    last_s = float(samples.time_s[max(count - 1, 0)])
+    if not fit.terms.friction or omega * last_s < 2 * np.pi * FEWEST_CYCLES:
+        return samples
+    return samples.part(slice(count))
 
 
 def first_omega(fit: DecayFit) -> float:

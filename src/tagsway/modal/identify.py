@@ -23,7 +23,7 @@ from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.delta import centre, damping_at, estimate_of, frequency_at
 from tagsway.modal.least_squares import DecayFit, Samples
 from tagsway.modal.losses import weigh_losses
-from tagsway.modal.modes import mode_energy
+from tagsway.modal.modes import find_rival, mode_energy
 from tagsway.modal.notices import find_notices, reject_linear
 from tagsway.modal.peaks import Peaks, find_peaks
 from tagsway.modal.plane import fit_plane
@@ -108,13 +108,15 @@ def identify_modes(track: Track, window: Window, *, sway_axis: str | None = None
     plane = fit_plane(measured, begin, in_metres=track.length_unit == "m", held=track.tcp is not None)
     sway, every, samples, fit, prior = plane.sway, plane.every, plane.samples, plane.fit, plane.prior
     require_oscillation(fit, samples, where=f"between {window.start_s:g} and {window.end_s:g} s")
-    other, contradictions = fit_channel(samples, fit, _angle_samples(sway, begin, fit), prior=prior)
+    other, contradictions = fit_channel(samples, fit, _angle_samples(sway, begin, samples, fit), prior=prior)
     curvature = _swing_per_length(sway, fit, track)
     joined = other if other is not None and other.agrees else None
     hidden = weigh_losses(samples, fit, curvature=curvature, prior=prior, other=joined)
     fit = fit if joined is None else join_fits(samples, fit, joined.fit, prior=prior)
     fit = fit if hidden is None else hidden.decide(fit)
     fit = fit if other is None or other.agrees else doubt_fit(fit, other.fit)
+    rival = find_rival(samples, plane.fit, prior=prior)
+    fit = fit if rival is None else doubt_fit(fit, rival)
     period = float(2 * np.pi / fit.parameters[OMEGA])
     peaks = find_peaks(samples.time_s, centre(samples, fit), period)
     on_curve = find_peaks(samples.time_s, centre(samples, fit) - fit.residual, period)
@@ -151,9 +153,10 @@ def _swing_per_length(sway: Sway, fit: DecayFit, track: Track) -> float:
     return max(shown, float(fit.parameters[OMEGA]) ** 2 / GRAVITY_M_S2)
 
 
-def _angle_samples(sway: Sway, time_s: FloatArray, fit: DecayFit) -> Samples | None:
-    seen = np.isfinite(sway.angle_rad) & np.isfinite(sway.angle_std_rad) & (sway.angle_std_rad > 0)
-    if np.count_nonzero(seen) < max(8, 0.5 * len(time_s)):
+def _angle_samples(sway: Sway, time_s: FloatArray, fitted: Samples, fit: DecayFit) -> Samples | None:
+    inside = time_s <= fitted.time_s[-1] if fit.terms.friction else np.ones(len(time_s), dtype=bool)
+    seen = inside & np.isfinite(sway.angle_rad) & np.isfinite(sway.angle_std_rad) & (sway.angle_std_rad > 0)
+    if np.count_nonzero(seen) < max(8, 0.5 * np.count_nonzero(inside)):
         return None
     std = sway.angle_std_rad[seen]
     typical = float(np.median(std))

@@ -62,9 +62,9 @@ def choose_modes(
     plain = extend(samples, fit, prior=prior, straight=straight)
     if not _is_coloured(plain):
         return plain
-    after = add_modes(samples, plain, prior=prior)
+    after = add_modes(samples, plain, prior=prior, straight=straight)
     found = [plain] if after is plain else [plain, after]
-    before = add_modes(samples, fit, prior=prior) if plain is not fit else fit
+    before = add_modes(samples, fit, prior=prior, straight=straight) if plain is not fit else fit
     if before is not fit:
         found.append(before)
     best = _choose(samples, found)
@@ -89,19 +89,58 @@ def _is_coloured(fit: DecayFit) -> bool:
     return fit.freedom < 0.9 * (len(fit.residual) - len(fit.terms.free))
 
 
-def add_modes(samples: Samples, fit: DecayFit, *, prior: Softening | None = None) -> DecayFit:
+def add_modes(samples: Samples, fit: DecayFit, *, prior: Softening | None = None, straight: bool = False) -> DecayFit:
     """Return the fit with as many further modes as stand out of what it leaves; the same where none does."""
     for _ in range(MOST):
         if len(samples.value) < 4 * (len(fit.terms.free) + 4) or not _is_coloured(fit):
             break
-        more = _add_mode(samples, fit, prior=prior)
+        more = _add_mode(samples, fit, prior=prior, straight=straight)
         if more is None:
             break
         fit = more
     return _largest_first(samples, fit, prior=prior)
 
 
-def _add_mode(samples: Samples, fit: DecayFit, *, prior: Softening | None) -> DecayFit | None:
+def find_rival(samples: Samples, fit: DecayFit, *, prior: Softening | None = None) -> DecayFit | None:
+    """Return what one more mode would make of a fit, where it explains much and yet was not believed.
+
+    Parameters
+    ----------
+    samples : Samples
+        What was fitted.
+    fit : DecayFit
+        As it was chosen.
+    prior : Softening, optional
+        As it was used.
+
+    Returns
+    -------
+    DecayFit or None
+        None where the fit leaves white noise, or no mode explains what it leaves.
+
+    Notes
+    -----
+    A second body that swings far is no linear mode: what it leaves is so coloured that nothing stands out of it. How
+    far it pulls the first mode's pole is then not known better than by the two fits' distance.
+    """
+    if not _is_coloured(fit) or len(samples.value) < 4 * (len(fit.terms.free) + 4):
+        return None
+    return min(_try_modes(samples, fit, prior=prior), key=lambda more: more.scale, default=None)
+
+
+def _add_mode(samples: Samples, fit: DecayFit, *, prior: Softening | None, straight: bool) -> DecayFit | None:
+    found, mode = [], fit.terms.further + 1
+    for more in _try_modes(samples, fit, prior=prior):
+        if not _stands_out(more, mode=mode):
+            # What drag or friction leaves colours the residual, and hides a mode until it is fitted along.
+            more = extend(samples, more, prior=prior, straight=straight)
+        if _stands_out(more, mode=mode) and _is_another(samples, more, mode=mode):
+            found.append(more)
+    return min(found, key=lambda more: more.scale, default=None)
+
+
+def _try_modes(samples: Samples, fit: DecayFit, *, prior: Softening | None) -> list[DecayFit]:
+    """Return fits with one more mode that leave clearly less."""
     terms = replace(fit.terms, further=fit.terms.further + 1)
     found = []
     few = _every_kth(samples)
@@ -109,26 +148,22 @@ def _add_mode(samples: Samples, fit: DecayFit, *, prior: Softening | None) -> De
         near = solve(few, start, terms, scale=fit.scale, prior=prior)[0]
         more = fit_decay(samples, near, terms, scale=fit.scale, prior=prior)
         gain = misfit(samples, fit, scale=more.scale) - misfit(samples, more, scale=more.scale)
-        if gain > 4 * np.log(len(samples.value)) and _stands_out(samples, more, mode=terms.further):
+        if gain > 4 * np.log(len(samples.value)) and _is_another(samples, more, mode=terms.further):
             found.append(more)
-    return min(found, key=lambda more: more.scale, default=None)
+    return found
 
 
 def _every_kth(samples: Samples) -> Samples:
     """Return fewer samples to search on."""
-    k = max(1, len(samples.time_s) // 800)
-    drive = None if samples.drive is None else samples.drive[::k]
-    return replace(
-        samples,
-        time_s=samples.time_s[::k],
-        value=samples.value[::k],
-        spread=samples.spread[::k],
-        drive=drive,
-        common=None,
-    )
+    return replace(samples.part(slice(None, None, max(1, len(samples.time_s) // 800))), common=None)
 
 
-def _stands_out(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
+def _stands_out(fit: DecayFit, *, mode: int) -> bool:
+    return all(amplitude_significance(fit, mode=k) > NEEDED for k in (0, mode))
+
+
+def _is_another(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
+    """Whether a mode is seen for long enough, and apart from the others, to be one of its own."""
     omega, alpha = fit.parameters[pole_places(mode)]
     span = float(samples.time_s[-1] - samples.time_s[0])
     cycles = min(fit.parameters[pole_places(k)[0]] / (2 * np.pi) * _lasting(fit, span, k) for k in (0, mode))
@@ -142,9 +177,7 @@ def _stands_out(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
         return False
     apart = min(abs(omega - fit.parameters[pole_places(k)[0]]) * _lasting(fit, span, k, mode) for k in range(mode))
     turn = omega * float(np.median(np.diff(samples.time_s)))
-    if not (0.02 < ratio < 50 and turn < FASTEST * np.pi and apart > RESOLVED * 2 * np.pi):
-        return False
-    return amplitude_significance(fit, mode=mode) > NEEDED and amplitude_significance(fit, mode=0) > NEEDED
+    return bool(0.02 < ratio < 50 and turn < FASTEST * np.pi and apart > RESOLVED * 2 * np.pi)
 
 
 def _is_codecs(samples: Samples, fit: DecayFit, mode: int) -> bool:

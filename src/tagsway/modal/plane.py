@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagsway.errors import NotIdentifiableError
-from tagsway.modal.blocks import average_blocks, first_omega
+from tagsway.modal.blocks import average_blocks, drop_stop, first_omega
 from tagsway.modal.decay import COSINE, OMEGA, PLACES, SINE, SOFTENING, SQUARE, Terms
 from tagsway.modal.delta import sees
 from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay
@@ -97,8 +97,7 @@ def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool, held: bool = F
         across, sway = found, found.clear(measured)
         every = _samples_of(sway, time_s)
         if not found.seen:
-            samples = average_blocks(every, fit, omega=first_omega(fit))
-            fit = fit_decay(samples, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
+            samples, fit = _fit_all(every, fit, prior)
             break
         samples, fit, prior = fit_sway(sway, every, in_metres=in_metres, held=held)
     return PlaneFit(sway=sway, every=every, samples=samples, fit=fit, prior=prior, across=across)
@@ -177,10 +176,15 @@ def fit_sway(
         fit = _hold_softening(thin, first, prior)
     if not sway.planar and fit.terms.softening and not fit.terms.square:
         fit = _try_arc(thin, fit)
-    if thin is not samples:
-        thin = average_blocks(samples, fit, omega=first_omega(fit))
-        fit = fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
+    if thin is not samples or fit.terms.friction:
+        thin, fit = _fit_all(samples, fit, prior)
     return thin, fit, prior
+
+
+def _fit_all(samples: Samples, fit: DecayFit, prior: Softening | None) -> tuple[Samples, DecayFit]:
+    """Return all samples of a fit that is close, averaged and without what friction has stopped, and their fit."""
+    thin = drop_stop(average_blocks(samples, fit, omega=first_omega(fit)), fit)
+    return thin, fit_decay(thin, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
 
 
 def _hold_softening(samples: Samples, first: DecayFit, prior: Softening) -> DecayFit:

@@ -1,6 +1,7 @@
 """What is fitted, what is known before, and what a fit says."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from tagsway.modal.decay import Terms
 from tagsway.model import FloatArray
@@ -34,6 +35,17 @@ class Samples:
     drive: FloatArray | None = None
     drive_std: float = 0.0
     common: FloatArray | None = None
+
+    def part(self, chosen: slice) -> Self:
+        """Return some of the samples."""
+        return replace(
+            self,
+            time_s=self.time_s[chosen],
+            value=self.value[chosen],
+            spread=self.spread[chosen],
+            drive=None if self.drive is None else self.drive[chosen],
+            common=None if self.common is None else self.common[chosen],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

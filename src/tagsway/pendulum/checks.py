@@ -1,6 +1,7 @@
 """A fitted pendulum against the decay's own mode."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,41 @@ LEAST_FREQUENCY_SHARE, LEAST_DAMPING_SHARE, LEAST_DAMPING = 0.01, 0.25, 2e-3
 """A pendulum and its decay disagree by more than these, and than their errors."""
 
 DISAGREEMENT_STD = 4.0
+
+DOUBTFUL_STD = 2.5
+"""Between the two f_n, beyond which the way from one to the other is an error: of a right pendulum's one in eighty."""
+
+
+def doubt_by_mode(solution: Solution, modal: ModalEstimate) -> Solution:
+    """Return a pendulum as unsure as its f_n is apart from the decay's.
+
+    Parameters
+    ----------
+    solution : Solution
+        The pendulum.
+    modal : ModalEstimate
+        The decay's mode.
+
+    Returns
+    -------
+    Solution
+        The same where both f_n agree, or the decay has none.
+
+    Notes
+    -----
+    The decay tells f_n by hundreds of samples and no length. A pendulum that leaves it has followed what is not a
+    pendulum's, most of all after a release, which tells l by its softening alone. All that its errors let follow f_n,
+    C e / eᵀ C e for each unit of it, is in doubt by the gap.
+    """
+    frequency = modal.natural_frequency_hz
+    own = float(solution.covariance[Unknown.LOG_FREQUENCY, Unknown.LOG_FREQUENCY])
+    if frequency is None or not (frequency.value > 0 and own > 0):
+        return solution
+    gap = float(solution.parameters[Unknown.LOG_FREQUENCY]) - math.log(frequency.value)
+    if not abs(gap) > DOUBTFUL_STD * math.hypot(math.sqrt(own), frequency.std / frequency.value):
+        return solution
+    way = gap / own * solution.covariance[:, Unknown.LOG_FREQUENCY]
+    return replace(solution, scattered=solution.scattered + np.outer(way, way))
 
 
 def compare_with_mode(

@@ -12,6 +12,7 @@ from tagsway.model import (
     SCALE_STD,
     Estimate,
     Implied,
+    ModalDeviation,
     ModalEstimate,
     Notice,
     PendulumCurve,
@@ -25,7 +26,7 @@ from tagsway.model import (
 )
 from tagsway.pendulum.arc import LARGEST_RADIUS_STD, MOST_SAMPLES, Arc, fit_arc
 from tagsway.pendulum.assumed import NO_PUSH, Belief, believe
-from tagsway.pendulum.checks import compare_with_mode
+from tagsway.pendulum.checks import compare_with_mode, doubt_by_mode
 from tagsway.pendulum.fit import LARGEST_EXCESS, Solution, fit_record
 from tagsway.pendulum.model import (
     Unknown,
@@ -77,6 +78,7 @@ class _Fitted:
     """All that the data and the priors made."""
 
     record: Record
+    against_mode: tuple[ModalDeviation | None, Notice | None]
     arc: Arc
     solution: Solution
     ridge: Ridge
@@ -196,9 +198,11 @@ def _fit(record: Record, modal: ModalEstimate, stated: _Stated) -> _Fitted:
     arc = find_arc(record, GRAVITY_M_S2 / record.angular_frequency_rad_s**2)
     beliefs = believe(arc.radius_m, point_mass=stated.point_mass, length_m=stated.length_m, scale_std=stated.scale_std)
     try:
-        problem, solution = fit_record(record, beliefs, find_starts(record, arc, modal))
+        problem, fitted = fit_record(record, beliefs, find_starts(record, arc, modal))
+        solution = doubt_by_mode(fitted, modal)
         return _Fitted(
             record=record,
+            against_mode=compare_with_mode(record, fitted, modal),
             arc=arc,
             solution=solution,
             ridge=Ridge.of(problem, solution, springs_only=stated.nonnegative_stiffness),
@@ -259,7 +263,7 @@ def _report(
         stiffness = ridge.estimate(lambda p: stiffness_over_inertia(p) * mass * length_m(p) ** 2)
         damper = solution.estimate(lambda p: damping_over_inertia(p) * mass * length_m(p) ** 2, low=0.0)
     omega = float(angular_frequency(solution.parameters))
-    deviation, disagreement = compare_with_mode(fitted.record, solution, modal)
+    deviation, disagreement = fitted.against_mode
     estimate = PendulumEstimate(
         length_m=ridge.estimate(length_m) if told else None,
         tag_radius_m=radius,

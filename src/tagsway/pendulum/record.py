@@ -185,7 +185,8 @@ def choose_record(track: Track, window: Window, *, angular_frequency_rad_s: floa
         nodes_s=nodes,
         velocity_m_s=np.column_stack([p(halves, 1) for p in paths]),
         velocity_draws_m_s=np.stack([p.draw(rng, DRAWS)(halves, 1) for p in paths], axis=1)
-        + _draw_codec_drag(time, near.tool, noise, halves, rng),
+        # A codec holds back what moves: a tool that stands it leaves where it is.
+        + (_draw_codec_drag(time, near.tool, noise, halves, rng) if moved else 0.0),
         moved=moved,
         lift_m=float(np.ptp(path[:, 1])) if moved else 0.0,
         notices=_shortened(start, end) if end < last else (),
