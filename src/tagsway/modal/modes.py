@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tagsway.modal.bound import pole_places
-from tagsway.modal.decay import ALPHA, OMEGA, predict
+from tagsway.modal.decay import ALPHA, OMEGA, predict, slowed_by
 from tagsway.modal.least_squares import DecayFit, Samples, Softening, extend, fit_decay, misfit, solve
 from tagsway.modal.spectrum import find_peaks_of, find_spectrum
 from tagsway.model import FloatArray
@@ -169,9 +169,9 @@ def _is_another(samples: Samples, fit: DecayFit, *, mode: int) -> bool:
     cycles = min(fit.parameters[pole_places(k)[0]] / (2 * np.pi) * _lasting(fit, span, k) for k in (0, mode))
     if not (cycles >= NEEDED_CYCLES and alpha > -1 / span):
         return False
-    # An overtone belongs to the first mode's path, not to another body.
-    ratio = omega / fit.parameters[OMEGA]
-    if any(abs(ratio - k) < 0.02 * k for k in (2, 3)):
+    # An overtone belongs to the first mode's path, not to another body: of a large swing it is as slow as that.
+    ratio, slowed = omega / fit.parameters[OMEGA], abs(slowed_by(fit.parameters, fit.terms, 1.0)[0])
+    if any((0.98 - slowed) * k < ratio < 1.02 * k for k in (2, 3)):
         return False
     if _is_codecs(samples, fit, mode):
         return False
