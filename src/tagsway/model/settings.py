@@ -77,17 +77,18 @@ class Settings:
     log: str | None = None
 
     def __post_init__(self) -> None:
-        positive = {
-            "--fps": (self.fps_hz, 1.0, "a capture rate in Hz"),
-            "the TCP tag's size": (self.tcp_tag_size_m, 1000.0, "the side of its black square in mm"),
-            "the PCP tag's size": (self.pcp_tag_size_m, 1000.0, "the side of its black square in mm"),
-            "--mass": (self.mass_kg, 1000.0, "the product's mass in g"),
-            "--length": (self.length_m, 1000.0, "the equivalent length in mm"),
-            "--frequency-spread": (self.frequency_spread_percent, 1.0, "a standard deviation in percent"),
+        stated = {
+            "--fps": (self.fps_hz, 1.0, "a capture rate in Hz", (0.01, 1e6)),
+            "the TCP tag's size": (self.tcp_tag_size_m, 1000.0, "the side of its black square in mm", (0.01, 1e4)),
+            "the PCP tag's size": (self.pcp_tag_size_m, 1000.0, "the side of its black square in mm", (0.01, 1e4)),
+            "--mass": (self.mass_kg, 1000.0, "the product's mass in g", (1e-3, 1e9)),
+            "--length": (self.length_m, 1000.0, "the equivalent length in mm", (0.01, 1e6)),
+            "--frequency-spread": (self.frequency_spread_percent, 1.0, "a standard deviation in percent", (0.0, 1e3)),
         }
-        for name, (value, unit, what) in positive.items():
-            if value is not None and not (value > 0 and math.isfinite(value)):
-                raise InputError(f"{name} is {value * unit:g}: expected {what}, a positive number")
+        for name, (value, unit, what, (low, high)) in stated.items():
+            if value is not None and not (value > 0 and low <= value * unit <= high):
+                extent = f", from {low:g} to {high:g}" if value > 0 and math.isfinite(value) else ""
+                raise InputError(f"{name} is {value * unit:g}: expected {what}, a positive number{extent}")
         if self.other is not None and self.mass_kg is None:
             raise InputError("--with needs --mass, the mass of this product in g, beside that of the other result")
         named = [self.tcp_id, self.pcp_id, *([] if self.reference_id is None else [self.reference_id])]
