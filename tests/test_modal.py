@@ -389,6 +389,18 @@ def test_what_dry_friction_has_stopped_is_no_slow_decay_and_bends_no_damping() -
     assert "coloured_residual" not in {notice.code for notice in fit.notices}
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arc_too_short_to_be_seen_softens_what_hangs_from_a_tool(seed: int) -> None:
+    time, q, pendulum = swing(0.4, damping=0.2, duration=3.0)
+    noise = 5e-5 * np.random.default_rng(seed).standard_normal((4, len(time)))
+    track = make_track(time, 0.05 * np.sin(q) + noise[0], -0.05 * np.cos(q) + noise[1])
+    held = replace(track, tcp=make_tag(noise[2:].T))
+    found = identify_modes(held, Window(start_s=0.05, end_s=float(time[-1]))).estimate.natural_frequency_hz
+    assert found is not None
+    # statistics: as straight as the path looks, it was 4 to 6 errors off
+    assert abs(found.value - pendulum.natural_frequency_hz) < 3 * found.std
+
+
 def test_a_second_body_that_swings_too_far_to_be_a_mode_is_in_the_error() -> None:
     rng = np.random.default_rng(0)
     time = np.arange(270) / 60.0

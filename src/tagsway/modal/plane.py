@@ -24,6 +24,9 @@ CONTRADICTED = 5.0
 GRAVITY_SHARE = (0.9, 0.2)
 """Share of gravity in ω_n², and its standard deviation, where a track without a scale cannot tell."""
 
+UNSEEN_STD = 5.0
+"""Standard errors of a curvature: below three an arc passes for a straight line, and it may be two more."""
+
 ROUNDS = 2
 """Of fits in which what a sway across adds is taken off: a third one changes nothing."""
 
@@ -151,7 +154,8 @@ def fit_sway(
     Over a decay that hardly decays, the frequency at the amplitude seen and the softening cannot be told apart by the
     samples. The arc gives the amplitude as an angle, and so the softening: κ q0² / 16, with κ = g / (r ω_n²), at
     most 1, for the share of gravity in ω_n² were the body a point mass. A real body's is g / (l ω_n²): so it enters as
-    a prior of ±0.2. A straight path has no softening. Of a single coordinate the overtone tells q0², where it shows;
+    a prior of ±0.2. A straight path has no softening, but what hangs from a tool has one where its arc is too short to
+    be seen: at most that of the curvature that may hide. Of a single coordinate the overtone tells q0², where it shows;
     else what hangs from a tool has at most that of a body which gravity alone turns back.
     """
     start = find_start(samples)
@@ -208,7 +212,8 @@ def _fit_first(
     if sway.projected:
         told = fit_decay(samples, fit.parameters, replace(fit.terms, square=True), scale=fit.scale)
         fit = told if _shows_square(told) or (held and in_metres) else fit
-    if not (sway.curvature > 0 or fit.terms.square):
+    hidden = held and in_metres and sway.planar and sway.curvature_std > 0
+    if not (sway.curvature > 0 or fit.terms.square or hidden):
         return fit, None
     for _ in range(ROUNDS):
         prior = _find_softening(sway, fit, in_metres=in_metres)
@@ -223,15 +228,19 @@ def _shows_square(fit: DecayFit) -> bool:
 
 
 def _find_softening(sway: Sway, fit: DecayFit, *, in_metres: bool) -> Softening:
+    p = fit.parameters
     if fit.terms.square and not _shows_square(fit):
-        return _softening_of_weight(fit, in_metres=in_metres)
+        square = max(float(p[SQUARE]), 0.0) + 2 * float(fit.covariance[SQUARE, SQUARE]) ** 0.5
+        return _softening_of_weight(fit, square, in_metres=in_metres)
+    if not (fit.terms.square or sway.curvature > 0):
+        unseen = UNSEEN_STD * sway.curvature_std * float(np.hypot(p[COSINE], p[SINE]))
+        return _softening_of_weight(fit, unseen**2, in_metres=in_metres)
     return _softening_of_arc(sway, fit, in_metres=in_metres)
 
 
-def _softening_of_weight(fit: DecayFit, *, in_metres: bool) -> Softening:
-    """Return what is known of a swing that hides: no more than the overtone allows, nor than gravity alone makes."""
-    p, std = fit.parameters, float(fit.covariance[SQUARE, SQUARE]) ** 0.5
-    most = (max(float(p[SQUARE]), 0.0) + 2 * std) / 16
+def _softening_of_weight(fit: DecayFit, square: float, *, in_metres: bool) -> Softening:
+    """Return what is known of a swing that hides: no more than this square of it, nor than gravity alone makes."""
+    p, most = fit.parameters, square / 16
     if in_metres:
         most = min(most, (float(np.hypot(p[COSINE], p[SINE])) * float(p[OMEGA]) ** 2 / GRAVITY_M_S2) ** 2 / 16)
     return Softening(mean=most / 2, std=most / 2)
