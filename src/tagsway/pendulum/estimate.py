@@ -296,7 +296,7 @@ def _report(
 def _geometry(arc: Arc, fitted: _Fitted | None) -> tuple[Estimate, Estimate, Estimate] | tuple[None, None, None]:
     """Return r, and x and z of the pivot: of the fit, or of the arc alone where no pendulum follows the motion."""
     if fitted is not None:
-        radius = fitted.solution.estimate_geometry(tag_radius_m, low=0.0)
+        radius = fitted.solution.estimate(tag_radius_m, low=0.0)
         x, z = (_offset_of(fitted, axis) for axis in (0, 1))
     elif arc.known:
         radius, (x, z) = arc.radius(), arc.offset()
@@ -311,7 +311,7 @@ def _offset_of(fitted: _Fitted, axis: int) -> Estimate:
     The relative scale e shifts the two tags against each other by e times the way to the image's middle, which the
     track does not hold: about as long as the tool's own way.
     """
-    offset = fitted.solution.estimate_geometry(lambda p: pivot_offset_m(p)[axis])
+    offset = fitted.solution.estimate(lambda p: pivot_offset_m(p)[axis])
     relative = fitted.solution.estimate(lambda p: p[Unknown.RELATIVE_SCALE])
     way = float(np.max(np.abs(fitted.record.tool_m[:, axis])))
     return Estimate.normal(offset.value, float(np.hypot(offset.std, (abs(relative.value) + relative.std) * way)))

@@ -68,8 +68,6 @@ class Solution:
     tag_ratio : float
         How large the tags would have to be, over what was stated, for one pendulum to explain what is left after all;
         1 where it does, or where no size would.
-    shorted : ndarray, shape (15,)
-        How far the parameters go where the tag's rotation falls short by a standard error of that.
     """
 
     parameters: FloatArray
@@ -85,7 +83,6 @@ class Solution:
     left_out: float
     alone: float
     tag_ratio: float
-    shorted: FloatArray
 
     @property
     def rubbed(self) -> bool:
@@ -125,18 +122,6 @@ class Solution:
             variance = max(variance, float(gradient @ self.scattered @ gradient))
         return math.sqrt(max(variance, 0.0))
 
-    def estimate_geometry(self, quantity: Callable[[FloatArray], FloatArray], *, low: float = -math.inf) -> Estimate:
-        """Return what lies on the arc: a coder that shows the tag turn too little moves the pivot on its arm.
-
-        Parameters
-        ----------
-        quantity, low
-            As those of `estimate`.
-        """
-        plain = self.estimate(quantity, low=low)
-        short = float(self._gradient(quantity) @ self.shorted)
-        return Estimate.normal(plain.value, math.hypot(plain.std, short), low=low)
-
     def _gradient(self, quantity: Callable[[FloatArray], FloatArray]) -> FloatArray:
         step = 1e-6
         around = self.parameters[:, None] + step * np.hstack([np.eye(len(Unknown)), -np.eye(len(Unknown))])
@@ -168,7 +153,8 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     The fit runs three times. First the soft-L1 loss over x, z and the angle, as if the pivot's path were known: its
     residuals say how large each channel's noise is, and which samples are spikes. The input's noise moves the whole
     response and not a sample [1]_, so the second fit is generalised least squares: the covariance of a sample is its
-    noise plus the scatter of the responses to draws of the pivot's path. What one pendulum does not explain is then
+    noise plus the scatter of the responses to draws of the pivot's path, and what a coder may have taken from all angles
+    together (`tagsway.pendulum.shortfall`). What one pendulum does not explain is then
     sized, and the third fit counts it among the errors: see `tagsway.pendulum.unmodelled`. What is left should be white
     with unit variance; where it is larger, the noise's share of the errors is widened by as much.
 
@@ -188,8 +174,10 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     std, seen = _judge_noise(first, parameters)
     problem = Problem(record, priors, std, seen)
     draws = Tangent.of(record, parameters).of_velocity(record.velocity_draws_m_s - record.velocity_m_s[:, :, None])
-    shared = SharedErrors.of(problem.scaled(draws) / math.sqrt(draws.shape[2]))
-    problem = problem.but(shared=shared)
+    short = np.zeros(problem.measured.shape)
+    short[2] = record.angle_short_rad
+    together = [problem.scaled(draws) / math.sqrt(draws.shape[2]), problem.scaled(short)[:, None]]
+    problem = problem.but(shared=SharedErrors.of(np.concatenate(together, axis=1)))
     parameters, cost = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
     rubbed = problem.but(rubbed=True)
     least = LEAST_GAIN * max(1.0, cost / len(problem.look(parameters)[0]))
@@ -268,10 +256,6 @@ def _solve(problem: Problem, parameters: FloatArray, *, alone: float, tag_ratio:
     excess = _excess(problem, parameters)
     prior = jacobian[-rows:].T @ jacobian[-rows:]
     inverse = np.asarray(np.linalg.pinv(slopes.T @ slopes + prior, hermitian=True), dtype=float)
-    short = np.zeros(problem.measured.shape)
-    short[2] = record.angle_short_rad
-    shorted = np.zeros(len(Unknown))
-    shorted[problem.free] = inverse @ slopes.T @ problem.whiten(short)
     scattered = inverse @ (_scatter(problem, samples, slopes, parameters) + prior) @ inverse
     stated = np.asarray(np.linalg.pinv(slopes.T @ slopes / excess + prior, hermitian=True), dtype=float)
 
@@ -291,7 +275,6 @@ def _solve(problem: Problem, parameters: FloatArray, *, alone: float, tag_ratio:
         largest_pull=float(np.max(np.abs(residual[-rows:]))),
         alone=alone,
         tag_ratio=tag_ratio,
-        shorted=shorted,
         left_out=1 - np.count_nonzero(both) / np.count_nonzero(np.all(np.isfinite(record.sway_m), axis=1)),
     )
 
