@@ -207,6 +207,20 @@ def test_scale_moves_k_and_leaves_no_trace_so_its_prior_is_in_the_errors(flexibl
     assert found.rms_residual_m == pytest.approx(right.rms_residual_m, rel=0.05)
 
 
+def test_a_turning_of_which_a_coder_takes_a_share_does_not_bend_l(flexible: Recording) -> None:
+    pcp = flexible.track.pcp
+    assert pcp is not None
+    turned = pcp.angle_rad - np.mean(pcp.angle_rad)
+    std = np.full_like(turned, 0.05 * float(np.std(turned)))
+    off = {}
+    for share in (0.3, 1.0):  # of its errors that the image shows: at 1 no coder took part
+        shown = replace(pcp, angle_rad=0.96 * turned, angle_std_rad=std, image_share=share)
+        told = fit(flexible, track=replace(flexible.track, pcp=shown)).estimate
+        off[share] = abs(deviation(told.length_m, FLEXIBLE.length_m))
+    assert off[0.3] < 2  # statistics: two standard errors, for one that is not redrawn
+    assert off[1.0] > 3
+
+
 def test_spikes_gaps_and_lost_frames_leave_the_answer_within_its_errors(flexible: Recording) -> None:
     rng = np.random.default_rng(11)
     pcp, tcp = flexible.track.pcp.position.copy(), flexible.track.tcp.position.copy()  # type: ignore[union-attr]

@@ -116,17 +116,14 @@ class Solution:
         of_fit : bool
             That of the fit; by default the larger of it and the bootstrap's.
         """
-        gradient = self._gradient(quantity)
+        step = 1e-6
+        around = self.parameters[:, None] + step * np.hstack([np.eye(len(Unknown)), -np.eye(len(Unknown))])
+        values = quantity(around)
+        gradient = (values[: len(Unknown)] - values[len(Unknown) :]) / (2 * step)
         variance = float(gradient @ self.covariance @ gradient)
         if not of_fit:
             variance = max(variance, float(gradient @ self.scattered @ gradient))
         return math.sqrt(max(variance, 0.0))
-
-    def _gradient(self, quantity: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        step = 1e-6
-        around = self.parameters[:, None] + step * np.hstack([np.eye(len(Unknown)), -np.eye(len(Unknown))])
-        values = quantity(around)
-        return (values[: len(Unknown)] - values[len(Unknown) :]) / (2 * step)
 
 
 def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatArray]) -> tuple[Problem, Solution]:
@@ -154,9 +151,9 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     residuals say how large each channel's noise is, and which samples are spikes. The input's noise moves the whole
     response and not a sample [1]_, so the second fit is generalised least squares: the covariance of a sample is its
     noise plus the scatter of the responses to draws of the pivot's path, and what a coder may have taken from all angles
-    together (`tagsway.pendulum.shortfall`). What one pendulum does not explain is then
-    sized, and the third fit counts it among the errors: see `tagsway.pendulum.unmodelled`. What is left should be white
-    with unit variance; where it is larger, the noise's share of the errors is widened by as much.
+    together (`tagsway.pendulum.shortfall`). What one pendulum does not explain is then sized, and the third fit counts
+    it among the errors: see `tagsway.pendulum.unmodelled`. What is left should be white with unit variance; where it is
+    larger, the noise's share of the errors is widened by as much.
 
     References
     ----------
