@@ -150,10 +150,10 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     The fit runs three times. First the soft-L1 loss over x, z and the angle, as if the pivot's path were known: its
     residuals say how large each channel's noise is, and which samples are spikes. The input's noise moves the whole
     response and not a sample [1]_, so the second fit is generalised least squares: the covariance of a sample is its
-    noise plus the scatter of the responses to draws of the pivot's path, and what a coder may have taken from all angles
-    together (`tagsway.pendulum.shortfall`). What one pendulum does not explain is then sized, and the third fit counts
-    it among the errors: see `tagsway.pendulum.unmodelled`. What is left should be white with unit variance; where it is
-    larger, the noise's share of the errors is widened by as much.
+    noise plus the scatter of the responses to draws of the pivot's path, and what a coder may have taken from all of
+    the angles (`tagsway.pendulum.shortfall`). What one pendulum does not explain is then sized, and the third fit
+    counts it among the errors: see `tagsway.pendulum.unmodelled`. What is left should be white with unit variance;
+    where it is larger, the noise's share of the errors is widened by as much.
 
     References
     ----------
