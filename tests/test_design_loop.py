@@ -20,6 +20,7 @@ from closed_loop import (
 from tagsway.cli.app import run
 from tagsway.design import PriorPayload, ResidualRecord, retune_shaper
 from tagsway.design.motion import find_way
+from tagsway.design.residual import simulate_sways
 from tagsway.design.retune import _notices
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import GRAVITY_M_S2, DesignMode, Estimate, Mode, Move, Pendulum
@@ -187,6 +188,18 @@ def test_without_the_move_only_the_linear_part_is_promised_away(move, true_hz) -
     # Statistics: three standard errors, which are wide here.
     assert found.expected_m.value == pytest.approx(left, abs=3 * found.expected_m.std)
     assert found.expected_m.std > 0.05 * found.expected_m.value
+
+
+def test_a_trial_payload_that_flies_off_is_infinitely_wrong_and_hides_no_other() -> None:
+    case = Case(move=LEVEL, true_hz=2.5)
+    shaper = design_shaper("zv", DesignMode(frequency_hz=DESIGNED_HZ, damping_ratio=DAMPING))
+    nodes, (velocity, _) = np.linspace(0.0, 3.0, 601), case.velocity(shaper)
+    sound = [np.log(DESIGNED_HZ), DAMPING, np.log(LENGTH_M), 0.0, 1.0, 0.0]
+    driven = [*sound[:3], -300.0, 1.0, 0.0]  # a drag below zero feeds the swing
+    found = simulate_sways(velocity, nodes, np.array([sound, driven]), PRIOR, nodes)
+    alone = simulate_sways(velocity, nodes, np.array([sound]), PRIOR, nodes)
+    assert np.all(np.isinf(found[:, 1]))
+    np.testing.assert_allclose(found[:, 0], alone[:, 0], rtol=1e-12, atol=1e-15)  # identity
 
 
 def test_a_residual_within_the_noise_is_not_tuned() -> None:

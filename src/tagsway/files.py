@@ -34,7 +34,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~_umask())  # mkstemp makes it private
         temporary.replace(path)
     except OSError as fault:
-        fault.filename = fault.filename or str(path)  # a full disk does not say where
+        if fault.errno is not None:
+            fault.filename = fault.filename or str(path)  # a full disk does not say where
         raise
     finally:
         temporary.unlink(missing_ok=True)

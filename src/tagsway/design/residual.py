@@ -176,7 +176,10 @@ def fit_residual(record: ResidualRecord, prior: PriorPayload) -> ResidualFit:
 def simulate_sways(
     velocity: PivotVelocity, nodes: FloatArray, parameters: FloatArray, prior: PriorPayload, time_s: FloatArray
 ) -> FloatArray:
-    """Return the sway in m at some times for m sets of parameters, shape (m, 6), as an array of shape (n, m)."""
+    """Return the sway in m at some times for m sets of parameters, shape (m, 6), as an array of shape (n, m).
+
+    Infinite where a pendulum flies off, as one with a drag below zero does.
+    """
     omega = 2 * math.pi * np.exp(parameters[:, LOG_F])
     length = np.exp(parameters[:, LOG_LENGTH])
     ensemble = PendulumEnsemble(
@@ -188,9 +191,11 @@ def simulate_sways(
     )
     halves = np.empty(2 * len(nodes) - 1)
     halves[::2], halves[1::2] = nodes, (nodes[1:] + nodes[:-1]) / 2
-    q, _ = simulate_sway(ensemble, nodes, velocity(halves))
-    sway = CubicSpline(nodes, prior.tag_radius_m * np.sin(q))(time_s)
-    found: FloatArray = parameters[:, GAIN] * sway + parameters[:, OFFSET]
+    with np.errstate(all="ignore"):  # a trial step may fly off; the search turns back from what is not finite
+        q, _ = simulate_sway(ensemble, nodes, velocity(halves))
+    stays = np.all(np.isfinite(q), axis=0)
+    sway = CubicSpline(nodes, prior.tag_radius_m * np.sin(np.where(stays, q, 0.0)))(time_s)
+    found: FloatArray = np.where(stays, parameters[:, GAIN] * sway + parameters[:, OFFSET], np.inf)
     return found
 
 

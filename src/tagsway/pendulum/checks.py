@@ -36,9 +36,10 @@ def doubt_by_mode(solution: Solution, modal: ModalEstimate) -> Solution:
 
     Notes
     -----
-    The decay tells f_n by hundreds of samples and no length. A pendulum that leaves it has followed what is not a
-    pendulum's, most of all after a release, which tells l by its softening alone. All that its errors let follow f_n,
-    C e / eᵀ C e for each unit of it, is in doubt by the gap.
+    For a release, which tells l by its softening alone: the decay tells f_n by hundreds of samples, and a pendulum that
+    leaves it has followed what is not a pendulum's. All that its errors let follow f_n, C e / eᵀ C e for each unit of
+    it, is in doubt by the gap. Not for a move: there the motion of the pivot tells l, and either f_n may be the wrong
+    one.
     """
     frequency = modal.natural_frequency_hz
     own = float(solution.covariance[Unknown.LOG_FREQUENCY, Unknown.LOG_FREQUENCY])

@@ -199,7 +199,7 @@ def _fit(record: Record, modal: ModalEstimate, stated: _Stated) -> _Fitted:
     beliefs = believe(arc.radius_m, point_mass=stated.point_mass, length_m=stated.length_m, scale_std=stated.scale_std)
     try:
         problem, fitted = fit_record(record, beliefs, find_starts(record, arc, modal))
-        solution = doubt_by_mode(fitted, modal)
+        solution = fitted if record.moved else doubt_by_mode(fitted, modal)
         return _Fitted(
             record=record,
             against_mode=compare_with_mode(record, fitted, modal),
