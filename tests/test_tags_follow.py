@@ -3,12 +3,14 @@ import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from tag_images import make_pose, photograph, see_tag
 from tagsway.model import Frame
-from tagsway.tags.follow import follow_tags
+from tagsway.tags.find import find_tags, sharpen
+from tagsway.tags.follow import _Search, follow_tags
 from tagsway.tags.predict import predict_pose
 from tagsway.video.reading import read_clock, read_frames
 
@@ -200,3 +202,11 @@ def test_the_real_recording_agrees_with_its_authors() -> None:
     # published value: the authors' (0, 0) is the corner of a pixel, ours its centre; their noise is 0.02 to 0.04 px
     errors = tag.centre_px - (projected[:, :2] / projected[:, 2:] - 0.5)
     assert np.sqrt((errors**2).mean(axis=0)).max() < 0.15
+
+
+def test_sharpened_clutter_is_no_tag_of_a_small_family() -> None:
+    clutter = cv2.GaussianBlur(np.random.default_rng(75).normal(size=(360, 480)), (0, 0), 1.5)
+    grey = np.clip(120 + 25 * clutter / clutter.std(), 0, 255).astype(np.uint8)
+    assert [tag.tag_id for tag in find_tags(sharpen(grey), family="tag16h5")] == [0], "but for a bit it is one"
+    search = _Search("tag16h5")
+    assert not any(search.whole(grey, {0}) for _ in range(12))  # as many as it takes to try every way of looking

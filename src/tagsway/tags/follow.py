@@ -127,7 +127,9 @@ class _Search:
             seen = find_tags(grey, family=self.family, decimate=0.5)
         elif self._misses % _ENLARGED_EVERY == 2:
             self.calls += 1
-            seen = find_tags(sharpen(grey), family=self.family)
+            sharp = find_tags(sharpen(grey), family=self.family)
+            # but for a bit, clutter that is sharpened is a tag of a small family
+            seen = tuple(tag for tag in sharp if tag.hamming == 0)
         self._misses += 1
         return seen
 
