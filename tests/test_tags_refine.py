@@ -23,6 +23,10 @@ def template_for(side: float, family: str = "tag36h11") -> Template:
     return make_template(family, 0, scale_px=side / 2, blur_px=0.55)
 
 
+def interpolate(texture: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    return map_coordinates(texture, (rows, columns), order=1, mode="nearest")
+
+
 def see_plainly(
     grey: np.ndarray, pose: np.ndarray, template: Template, motion_px: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[int, int, int, int]]:
@@ -38,12 +42,21 @@ def see_plainly(
     u, v = place[:2] / place[2]
     last = len(template.texture) - 1
     inside = (u >= 0) & (v >= 0) & (u <= last) & (v <= last)
-    texture = np.moveaxis(template.texture.astype(float), 2, 0)
-    seen = np.stack([map_coordinates(plane, (v, u), order=1, mode="nearest") * inside for plane in texture])
+    column, row = np.clip(np.floor(u), 0, last - 1), np.clip(np.floor(v), 0, last - 1)
+    texture = template.texture.astype(float)
+    printed = template.printed.astype(float) if template.printed.size else np.ones_like(texture)
+    pattern = interpolate(texture, v, u)
+    across = interpolate(texture, v, column + 1) - interpolate(texture, v, column)
+    down = interpolate(texture, row + 1, u) - interpolate(texture, row, u)
+    weight = interpolate(printed, v, u) * inside
+    (to_column, _, _), (_, to_row, _), _ = template.texture_grid
+    seen = np.stack([to_column * across, to_row * down, pattern, np.ones_like(u)]) * weight
     seen = seen.reshape(4, *rows.shape)
     if moves:
-        seen = np.stack([correlate(plane, find_streak(motion_px), mode="constant") for plane in seen])
-        inside = inside & (seen[3] > 0.999).ravel()
+        streak = find_streak(motion_px)
+        seen = np.stack([correlate(plane, streak, mode="constant") for plane in seen])
+        swept, whole = (streak != 0).astype(int), np.count_nonzero(streak)
+        inside = correlate(inside.reshape(rows.shape).astype(int), swept, mode="constant").ravel() == whole
         seen = seen * inside.reshape(rows.shape)
     return rows, columns, seen, inside.reshape(rows.shape), (left, top, right - left + 1, bottom - top + 1)
 

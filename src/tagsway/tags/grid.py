@@ -8,7 +8,15 @@ import numpy as np
 
 from tagsway.model import FloatArray, GreyArray
 from tagsway.tags.families import tag_family
-from tagsway.tags.template import PARAMETERS, Float32Array, draw_pattern, find_half_width
+from tagsway.tags.template import (
+    PARAMETERS,
+    Float32Array,
+    draw_pattern,
+    draw_slopes,
+    find_half_width,
+    find_printed,
+    sample_places,
+)
 
 LEAST_CORRELATION = 0.85  # background reaches .44 over the whole, another id .76 ...
 LEAST_INNER_CORRELATION = 0.7  # ... and .56 and .45 over the inner cells; the true tag, blurred and noisy, .95
@@ -81,7 +89,9 @@ def make_grid(family: str, tag_id: int, *, scale_px: float, blur_px: float) -> G
     layout = tag_family(family)
     half_width = find_half_width(family, blur_px / scale_px)
     samples = int(np.clip(np.ceil(2 * half_width * scale_px * _SAMPLES_PER_PX), _FEWEST_SAMPLES, _MOST_SAMPLES))
-    pattern, by_x, by_y, used, at = draw_pattern(family, tag_id, half_width, samples, blur_px / scale_px, 1 / scale_px)
+    drawn = family, tag_id, half_width, samples, blur_px / scale_px, 1 / scale_px
+    pattern, (by_x, by_y) = draw_pattern(*drawn), draw_slopes(*drawn)
+    used, at = find_printed(family, half_width, samples), sample_places(half_width, samples)
     x, y = at, -at[:, None]
     inward = by_x * x + by_y * y
     columns = [by_x * x, by_x * y, by_x, by_y * x, by_y * y, by_y, -inward * x, -inward * y, pattern]

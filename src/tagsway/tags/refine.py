@@ -85,7 +85,7 @@ def refine(
     moves = math.hypot(*motion_px) >= _SHORTEST_MOTION_PX
     known, streak = (template.texture_half_width, find_streak(motion_px)) if moves else (template.half_width, _POINT)
     h, scale = homography / homography[2, 2], template.scale_px
-    seen = see(grey, h, template.texture, template.texture_half_width, known, scale, streak)
+    seen = see(grey, h, template.texture, template.printed, template.texture_half_width, known, scale, streak)
     found = solve(*seen, h, scale, with_blocks)
     if not math.isfinite(found[0]):
         return None

@@ -16,8 +16,8 @@ PLANES = 7
 weight; the image times that; how far right of and below the tag's centre the pixel lies, in units of the scale."""
 
 _SMALLEST_REGION_PX = 10
-_KNOWN_WEIGHT = np.float32(0.999)  # a pixel that a streak brings less of the pattern to is not known
 _MIDDLE_GREY = np.float32(128)  # taken off, so that sums of squares keep their digits
+_ROWS_AT_ONCE = 8  # that are smeared
 _ZERO, _ONE = np.float32(0), np.float32(1)
 
 
@@ -40,15 +40,15 @@ def _find_region(shape, h, half_width):
 
 
 @compile_part
-def _share(h, scale):
-    """Return what takes derivatives by the tag's frame to those by the image, in units of the scale, row by row.
+def _share(h, scale, texels_to_unit):
+    """Return what takes derivatives by column and row of the texture to those by the image, in units of the scale.
 
-    It is the inverse of ∂(pixel)/∂(tag's frame) at the tag's centre.
+    It is the inverse of ∂(pixel)/∂(tag's frame) at the tag's centre, row by row; a texture's rows go down.
     """
     x, y = h[0, 2], h[1, 2]
     a, b, c, d = h[0, 0] - x * h[2, 0], h[0, 1] - x * h[2, 1], h[1, 0] - y * h[2, 0], h[1, 1] - y * h[2, 1]
-    share = scale / (a * d - b * c)
-    return np.float32(share * d), np.float32(-share * c), np.float32(-share * b), np.float32(share * a)
+    share = scale * texels_to_unit / (a * d - b * c)
+    return np.float32(share * d), np.float32(share * c), np.float32(-share * b), np.float32(-share * a)
 
 
 @compile_part
@@ -108,106 +108,143 @@ def _place_row(view, row, first, count, texels, at, right, down):
         u, v = u if u > _ZERO else _ZERO, v if v > _ZERO else _ZERO  # not max: this way it cannot be NaN
         u, v = u if u < last else last, v if v < last else last
         column, line = np.int32(u), np.int32(v)
-        at[k] = 4 * (line * texels + column)
+        at[k] = line * texels + column
         right[k], down[k] = u - np.float32(column), v - np.float32(line)
 
 
 @compile_part
-def _sample_row(texture, stride, at, right, down, count, seen):
-    """Interpolate the texture's four channels."""
-    four = np.uint64(4)
-    for k in range(count):
-        here, u, v, to = np.uint64(at[k]), right[k], down[k], np.uint64(4 * k)
-        for channel in range(4):
-            c = np.uint64(channel)
-            a, b = texture[here + c], texture[here + four + c]
-            d, e = texture[here + stride + c], texture[here + stride + four + c]
-            upper, lower = a + u * (b - a), d + u * (e - d)
-            seen[to + c] = upper + v * (lower - upper)
+def _interpolate_row(texture, stride, at, right, down, by_column, by_row, pattern):
+    """Interpolate the pattern, and take the derivatives of what is interpolated."""
+    one = np.uint64(1)
+    for k in range(len(pattern)):
+        here, u, v = np.uint64(at[k]), right[k], down[k]
+        a, b, c, d = texture[here], texture[here + one], texture[here + stride], texture[here + stride + one]
+        upper, lower = b - a, d - c
+        left, across = c - a, lower - upper
+        pattern[k] = a + u * upper + v * (left + u * across)
+        by_column[k] = upper + v * across
+        by_row[k] = left + u * across
 
 
 @compile_part
-def _sample(seen, stride, h, texture, half_width, region, margin, rows):
-    """Sample the texture for all pixels of the region that lie in it, and note where each row's begin."""
-    left, top, width, height = region
-    down, right = margin
-    texels = texture.shape[0]
-    flat, line = texture.reshape(-1), np.uint64(4 * texels)
-    view = _find_view(h, half_width, texels, left, top)
-    at, off_x, off_y = np.empty(width, np.int32), np.empty(width, np.float32), np.empty(width, np.float32)
-    for row in range(height):
-        low, high = _find_span(view, row, width, texels - 1.0)
-        count = max(high - low + 1, 0)
-        rows[row, 1] = low if count else 0
-        rows[row + 1, 0] = rows[row, 0] + count
-        if count:
-            _place_row(view, row, low, count, texels, at, off_x, off_y)
-            _sample_row(flat, line, at, off_x, off_y, count, seen[(row + down) * stride + 4 * (low + right) :])
+def _weigh_row(printed, stride, at, right, down, by_column, by_row, pattern, weight):
+    """Interpolate what is printed, and weigh the others by it."""
+    one = np.uint64(1)
+    for k in range(len(weight)):
+        here, u, v = np.uint64(at[k]), right[k], down[k]
+        a, b, c, d = printed[here], printed[here + one], printed[here + stride], printed[here + stride + one]
+        upper, lower = a + u * (b - a), c + u * (d - c)
+        weight[k] = upper + v * (lower - upper)
+    for k in range(len(weight)):
+        pattern[k] *= weight[k]
+        by_column[k] *= weight[k]
+        by_row[k] *= weight[k]
 
 
 @compile_part
-def _smear_row(seen, start, stride, count, streak, smeared):
-    """Blur a row of the four channels along the tag's motion, four of the streak's weights at a time."""
+def _smear(seen, row, streak, smeared):
+    """Blur rows of one channel along the tag's motion, end to end as if they were one: long loops are quick ones.
+
+    Four of the streak's weights at a time. What runs over a row's end is margin.
+    """
     lines, taps = streak.shape
-    smeared[: 4 * count] = _ZERO
+    count, width = smeared.size, smeared.shape[1]
+    channel, into = seen.reshape(-1), smeared.reshape(-1)
+    into[:] = _ZERO
     for line in range(lines):
-        for tap in range(0, taps, 4):
+        tap = 0
+        while tap < taps:
             a = streak[line, tap]
+            if a == 0:
+                tap += 1
+                continue
             b = streak[line, tap + 1] if tap + 1 < taps else _ZERO
             c = streak[line, tap + 2] if tap + 2 < taps else _ZERO
             d = streak[line, tap + 3] if tap + 3 < taps else _ZERO
-            if a == 0 and b == 0 and c == 0 and d == 0:
-                continue
-            first = seen[start + line * stride + 4 * tap :]
-            second, third, fourth = first[4:], first[8:], first[12:]
-            for k in range(4 * count):
-                smeared[k] += a * first[k] + b * second[k] + c * third[k] + d * fourth[k]
-    for k in range(count):
-        if not smeared[4 * k + 3] > _KNOWN_WEIGHT:  # what the edge of the known part swept over is not known
-            for channel in range(4):
-                smeared[4 * k + channel] = _ZERO
+            one = channel[(row + line) * width + tap :]
+            two, three, four = one[1:], one[2:], one[3:]
+            for k in range(count):
+                into[k] += a * one[k] + b * two[k] + c * three[k] + d * four[k]
+            tap += 4
 
 
 @compile_part
-def _split_row(seen, count, grey, shares, x_first, y, step, planes, first):
-    """Write a row's pixels into the planes; loops that write into more than two are not done sixteen at a time."""
-    end = first + count
-    by_x, by_y, pattern, weight = planes[0, first:end], planes[1, first:end], planes[2, first:end], planes[3, first:end]
-    image, x_plane, y_plane = planes[4, first:end], planes[5, first:end], planes[6, first:end]
+def _find_known(spans, row, streak):
+    """Return the first and the last pixel of a row for which all that the streak sweeps over is known."""
+    lines, taps = streak.shape
+    low, high = spans[row + lines // 2]
+    for line in range(lines):
+        for tap in range(taps):
+            if streak[line, tap] != 0:
+                low = max(low, spans[row + line, 0] + taps // 2 - tap)
+                high = min(high, spans[row + line, 1] + taps // 2 - tap)
+    return low, high
+
+
+@compile_part
+def _finish_row(planes, first, end, shares, grey, x_first, y, step):
+    """Turn a row's derivatives into the image's, and add the image and each pixel's place.
+
+    Loops that write into more than two planes are not done sixteen at a time.
+    """
+    by_x, by_y, weight, image = planes[0, first:end], planes[1, first:end], planes[3, first:end], planes[4, first:end]
+    x_plane, y_plane = planes[5, first:end], planes[6, first:end]
     a, b, c, d = shares
-    for k in range(count):
-        by_x[k] = a * seen[4 * k] + b * seen[4 * k + 1]
-        by_y[k] = c * seen[4 * k] + d * seen[4 * k + 1]
-    for k in range(count):
-        pattern[k] = seen[4 * k + 2]
-        weight[k] = seen[4 * k + 3]
-    for k in range(count):
+    for k in range(end - first):
+        by_column, by_row = by_x[k], by_y[k]
+        by_x[k] = a * by_column + b * by_row
+        by_y[k] = c * by_column + d * by_row
+    for k in range(end - first):
         image[k] = weight[k] * (np.float32(grey[k]) - _MIDDLE_GREY)
-    for k in range(count):
+    for k in range(end - first):
         x_plane[k] = x_first + np.float32(k) * step
         y_plane[k] = y
 
 
-def _see(grey, homography, texture, half_width, known_width, scale, streak):
+def _see(grey, homography, texture, printed, half_width, known_width, scale, streak):
     """Return the planes, where each row's pixels begin, and the region's width: see `load_see`."""
     left, top, width, height = _find_region(grey.shape, homography, known_width)
+    texels, still, is_full = texture.shape[0], streak.size == 1, printed.size == 0
     down, right = streak.shape[0] // 2, streak.shape[1] // 2
-    stride = 4 * (width + 2 * right)
-    seen = np.zeros((height + 2 * down) * stride + 12, np.float32)
+    view = _find_view(homography, half_width, texels, left, top)
+    spans = np.empty((height + 2 * down, 2), np.int64)
+    for row in range(len(spans)):
+        spans[row] = width, -1
+        if down <= row < height + down:
+            spans[row] = _find_span(view, row - down, width, texels - 1.0)
     rows = np.zeros((height + 1, 2), np.int64)
-    _sample(seen, stride, homography, texture, half_width, (left, top, width, height), (down, right), rows)
-    planes = np.empty((PLANES, rows[height, 0]), np.float32)
-    smeared = np.empty(4 * width, np.float32)
-    shares, unit = _share(homography, scale), np.float32(1 / scale)
     for row in range(height):
-        first, low = rows[row]
-        count = rows[row + 1, 0] - first
-        start = row * stride + 4 * low
-        if streak.size > 1:
-            _smear_row(seen, start, stride, count, streak, smeared)
-        part = smeared if streak.size > 1 else seen[start:]
+        low, high = _find_known(spans, row, streak)
+        rows[row, 1] = low if high >= low else 0
+        rows[row + 1, 0] = rows[row, 0] + max(high - low + 1, 0)
+    planes = np.empty((PLANES, rows[height, 0]), np.float32)
+    channels = 3 if is_full else 4
+    # What a streak sweeps over: the whole region, with a margin of nothing.
+    seen = np.zeros((channels, 0 if still else height + 2 * down + 1, width + 2 * right), np.float32)
+    at, off_x, off_y = np.empty(width, np.int32), np.empty(width, np.float32), np.empty(width, np.float32)
+    flat, flat_printed, stride = texture.reshape(-1), printed.reshape(-1), np.uint64(texels)
+    for row in range(height):
+        low, high = spans[row + down]
+        count = max(high - low + 1, 0)
+        start = rows[row, 0] if still else low + right
+        into = (planes if still else seen[:, row + down])[:, start : start + count]
+        _place_row(view, row, low, count, texels, at, off_x, off_y)
+        _interpolate_row(flat, stride, at, off_x, off_y, into[0], into[1], into[2])
+        if not is_full:
+            _weigh_row(flat_printed, stride, at, off_x, off_y, into[0], into[1], into[2], into[3])
+    if is_full:
+        planes[3] = _ONE
+    smeared = np.empty((channels, _ROWS_AT_ONCE, width + 2 * right), np.float32)
+    shares, unit = _share(homography, scale, texels / (2 * half_width)), np.float32(1 / scale)
+    for row in range(height):
+        (start, low), end = rows[row], rows[row + 1, 0]
+        for channel in range(0 if still else channels):
+            if row % _ROWS_AT_ONCE == 0:
+                rest = min(height - row, _ROWS_AT_ONCE)
+                _smear(seen[channel], row, streak, smeared[channel, :rest])
+            planes[channel, start:end] = smeared[channel, row % _ROWS_AT_ONCE, low : low + end - start]
         x, y = np.float32((left + low - homography[0, 2]) / scale), np.float32((top + row - homography[1, 2]) / scale)
-        _split_row(part, count, grey[top + row, left + low :], shares, x, y, unit, planes, first)
+        _finish_row(planes, start, end, shares, grey[top + row, left + low :], x, y, unit)
     return planes, rows, width
 
 
@@ -218,13 +255,13 @@ def load_see() -> Callable[..., tuple[Float32Array, IntArray, int]]:
     Returns
     -------
     callable
-        Takes grey (uint8, (height, width)), homography (float, (3, 3), last element 1), texture (float32, (m, m, 4)),
-        its half width, how far of it is to be seen, the scale in px and the streak (float32); see `Template`. Returns
+        Takes grey (uint8, (height, width)), homography (float, (3, 3), last element 1), texture and what is printed
+        (float32, (m, m)), their half width, how far of it is to be seen, the scale in px and the streak (float32); see `Template`. Returns
         the planes (float32, (7, pixels): see `PLANES`), where each of the region's rows begins in them and at which of
         its columns (int, (rows + 1, 2)), and the region's width.
     """
     double, single = types.float64, types.float32
     grey = types.Array(types.uint8, 2, "A", readonly=True)
     homography = types.Array(double, 2, "A", readonly=True)
-    texture, streak = types.Array(single, 3, "C", readonly=True), types.Array(single, 2, "C", readonly=True)
-    return compile_whole(_see, (grey, homography, texture, double, double, double, streak), without_lock=True)
+    texture = printed = streak = types.Array(single, 2, "C", readonly=True)
+    return compile_whole(_see, (grey, homography, texture, printed, double, double, double, streak), without_lock=True)

@@ -10,6 +10,7 @@ from tagsway.tags.template import Float32Array
 
 _MOTION_STEPS = 8  # to a pixel: a sixteenth more or less of motion changes no pixel by a grey level
 _MOST_MOTION_PX = 16.0
+_LEAST = 0.002  # a smaller weight changes no pixel by a grey level, and costs as much as others
 
 
 def find_streak(motion_px: tuple[float, float]) -> Float32Array:
@@ -26,7 +27,9 @@ def _streak(right: int, down: int) -> Float32Array:
     steps = math.ceil(2 * length) + 2
     shares = (np.arange(steps) + 0.5) / steps - 0.5
     columns, rows = (_interpolate(part * shares, math.ceil(abs(part) / 2) + 1) for part in motion)
-    return np.asarray(rows.T @ columns / steps, dtype=np.float32)
+    streak = rows.T @ columns / steps
+    streak[np.abs(streak) < _LEAST] = 0.0
+    return np.asarray(streak / streak.sum(), dtype=np.float32)
 
 
 def _interpolate(places: FloatArray, reach: int) -> FloatArray:

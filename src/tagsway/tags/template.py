@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
@@ -28,9 +27,10 @@ class Template:
     ----------
     half_width : float
         As far as it is trusted, in the tag's own frame (the border square is ±1).
-    texture : ndarray of float32, shape (m, m, 4)
-        Derivatives of the pattern by x and y of the tag's frame, the pattern, and 1, where the family prints
-        something; 0 elsewhere and outside: so the last one is the others' weight, however they are interpolated.
+    texture : ndarray of float32, shape (m, m)
+        The pattern. Its derivatives are those of what is interpolated, so they need no memory.
+    printed : ndarray of float32, shape (m, m) or (0, 0)
+        1 where the family prints something, 0 elsewhere; empty where it does so everywhere.
     texture_half_width : float
         Of the texture; a little more than is trusted, for what moves while it is exposed.
     texture_grid : ndarray, shape (3, 3)
@@ -41,6 +41,7 @@ class Template:
 
     half_width: float
     texture: Float32Array
+    printed: Float32Array
     texture_half_width: float
     texture_grid: FloatArray
     scale_px: float
@@ -77,13 +78,11 @@ def make_template(family: str, tag_id: int, *, scale_px: float, blur_px: float) 
     padded = layout.cells == layout.border_cells + 2
     reach = max(half_width, 1 + _PAPER_CELLS * 2 / layout.border_cells) if padded else half_width
     texels = int(min(np.ceil(2 * reach * scale_px * _TEXELS_PER_PX), _MOST_TEXELS))
-    pattern, by_x, by_y, printed, _ = draw_pattern(family, tag_id, reach, texels, blur_px / scale_px, 1 / scale_px)
-    if not printed.all():
-        pattern, by_x, by_y = pattern * printed, by_x * printed, by_y * printed
     to_texel, middle = texels / (2 * reach), (texels - 1) / 2
     return Template(
         half_width=half_width,
-        texture=np.asarray(cv2.merge([by_x, by_y, pattern, printed]), dtype=np.float32),
+        texture=draw_pattern(family, tag_id, reach, texels, blur_px / scale_px, 1 / scale_px),
+        printed=np.empty((0, 0), np.float32) if used_cells(family).all() else find_printed(family, reach, texels),
         texture_half_width=reach,
         texture_grid=np.array([[to_texel, 0, middle], [0, -to_texel, middle], [0, 0, 1.0]]),
         scale_px=scale_px,
@@ -115,8 +114,8 @@ def find_half_width(family: str, blur: float) -> float:
 
 def draw_pattern(
     family: str, tag_id: int, half_width: float, samples: int, blur: float, pixel: float
-) -> tuple[Float32Array, ...]:
-    """Return pattern, derivatives by x and by y, what is used, and where the columns lie.
+) -> Float32Array:
+    """Return the pattern, shape (samples, samples).
 
     Parameters
     ----------
@@ -129,29 +128,64 @@ def draw_pattern(
     blur, pixel : float
         Standard deviation of the blur and side of a pixel, in the tag's own frame.
     """
+    level = _find_shares(_find_distances(family, half_width, samples), blur, pixel)
+    return np.asarray(level @ _grey_cells(family, tag_id) @ level.T, dtype=np.float32)
+
+
+def draw_slopes(
+    family: str, tag_id: int, half_width: float, samples: int, blur: float, pixel: float
+) -> tuple[Float32Array, Float32Array]:
+    """Return the pattern's derivatives by x and by y; parameters as for `draw_pattern`."""
+    distance = _find_distances(family, half_width, samples)
+    level, slope = _find_shares(distance, blur, pixel), _find_slopes(distance, blur, pixel)
+    cells = _grey_cells(family, tag_id)
+    by_x, by_y = level @ cells @ slope.T, -(slope @ cells @ level.T)
+    return np.asarray(by_x, dtype=np.float32), np.asarray(by_y, dtype=np.float32)
+
+
+def find_printed(family: str, half_width: float, samples: int) -> Float32Array:
+    """Return 1 where the family prints something and 0 elsewhere, shape (samples, samples); as for `draw_pattern`."""
     layout = tag_family(family)
-    cell = 2 / layout.border_cells
-    at: FloatArray = -half_width + (np.arange(samples, dtype=np.float64) + 0.5) * (2 * half_width / samples)
-    edges: FloatArray = (np.arange(layout.cells + 1, dtype=np.float64) - layout.cells / 2) * cell
-    level, density = _cell_weights(at, edges, blur, pixel)
-    # A Gaussian's tail ends in numbers so small that processors take a hundred times as long for each.
-    inside, slope = (np.where(np.abs(part) > _NEGLIGIBLE, part, 0.0).astype(np.float32) for part in (level, density))
-    cells = tag_pattern(family, tag_id).astype(np.float32)
-    index = np.clip(np.floor((at - edges[0]) / cell).astype(int), 0, layout.cells - 1)
-    used = used_cells(family).astype(np.float32)[np.ix_(index, index)]
-    parts = (inside @ cells @ inside.T, inside @ cells @ slope.T, -(slope @ cells @ inside.T), used, at)
-    return tuple(np.asarray(part, dtype=np.float32) for part in parts)
+    at = sample_places(half_width, samples) * (layout.border_cells / 2) + layout.cells / 2
+    index = np.clip(np.floor(at).astype(int), 0, layout.cells - 1)
+    return used_cells(family).astype(np.float32)[np.ix_(index, index)]
 
 
-def _cell_weights(at: FloatArray, edges: FloatArray, blur: float, pixel: float) -> tuple[FloatArray, FloatArray]:
-    """Return how much of each cell a pixel sees through a Gaussian blur, and its derivative: (samples, cells)."""
-    distance = (at[:, None] - edges) / blur
-    half = pixel / 2 / blur
-    level = (_integrate_ndtr(distance + half) - _integrate_ndtr(distance - half)) / (2 * half)
+def sample_places(half_width: float, samples: int) -> FloatArray:
+    """Return where the columns lie, from left to right; shape (samples,)."""
+    return -half_width + (np.arange(samples, dtype=np.float64) + 0.5) * (2 * half_width / samples)
+
+
+def _grey_cells(family: str, tag_id: int) -> Float32Array:
+    return tag_pattern(family, tag_id).astype(np.float32)
+
+
+def _find_distances(family: str, half_width: float, samples: int) -> FloatArray:
+    """Return how far each sample lies from each edge of the cells, shape (samples, cells + 1)."""
+    layout = tag_family(family)
+    edges = (np.arange(layout.cells + 1) - layout.cells / 2) * (2 / layout.border_cells)
+    return np.asarray(sample_places(half_width, samples)[:, None] - edges)
+
+
+def _find_shares(distance: FloatArray, blur: float, pixel: float) -> Float32Array:
+    """Return how much of each cell a pixel sees through a Gaussian blur, shape (samples, cells)."""
+    level = (_integrate_ndtr((distance + pixel / 2) / blur) - _integrate_ndtr((distance - pixel / 2) / blur)) * (
+        blur / pixel
+    )
     level[:, 0], level[:, -1] = 1.0, 0.0  # the outermost cells go on outwards
-    density = (ndtr(distance + half) - ndtr(distance - half)) / pixel
+    return _cut_tails(level[:, :-1] - level[:, 1:])
+
+
+def _find_slopes(distance: FloatArray, blur: float, pixel: float) -> Float32Array:
+    """Return the derivative of that."""
+    density = (ndtr((distance + pixel / 2) / blur) - ndtr((distance - pixel / 2) / blur)) / pixel
     density[:, [0, -1]] = 0.0
-    return level[:, :-1] - level[:, 1:], density[:, :-1] - density[:, 1:]
+    return _cut_tails(density[:, :-1] - density[:, 1:])
+
+
+def _cut_tails(weights: FloatArray) -> Float32Array:
+    """Return weights without a Gaussian's tail: processors take a hundred times as long for numbers so small."""
+    return np.where(np.abs(weights) > _NEGLIGIBLE, weights, 0.0).astype(np.float32)
 
 
 def _integrate_ndtr(z: FloatArray) -> FloatArray:
