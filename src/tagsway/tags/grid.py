@@ -91,7 +91,8 @@ def make_grid(family: str, tag_id: int, *, scale_px: float, blur_px: float) -> G
     samples = int(np.clip(np.ceil(2 * half_width * scale_px * _SAMPLES_PER_PX), _FEWEST_SAMPLES, _MOST_SAMPLES))
     drawn = family, tag_id, half_width, samples, blur_px / scale_px, 1 / scale_px
     pattern, (by_x, by_y) = draw_pattern(*drawn), draw_slopes(*drawn)
-    used, at = find_printed(family, half_width, samples), sample_places(half_width, samples)
+    used = find_printed(family, half_width, samples)
+    at = sample_places(half_width, samples).astype(np.float32)
     x, y = at, -at[:, None]
     inward = by_x * x + by_y * y
     columns = [by_x * x, by_x * y, by_x, by_y * x, by_y * y, by_y, -inward * x, -inward * y, pattern]

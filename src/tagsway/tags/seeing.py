@@ -256,9 +256,9 @@ def load_see() -> Callable[..., tuple[Float32Array, IntArray, int]]:
     -------
     callable
         Takes grey (uint8, (height, width)), homography (float, (3, 3), last element 1), texture and what is printed
-        (float32, (m, m)), their half width, how far of it is to be seen, the scale in px and the streak (float32); see `Template`. Returns
-        the planes (float32, (7, pixels): see `PLANES`), where each of the region's rows begins in them and at which of
-        its columns (int, (rows + 1, 2)), and the region's width.
+        (float32, (m, m)), their half width, how far of it is to be seen, the scale in px and the streak (float32); see
+        `Template`. Returns the planes (float32, (7, pixels): see `PLANES`), where each of the region's rows begins in
+        them and at which of its columns (int, (rows + 1, 2)), and the region's width.
     """
     double, single = types.float64, types.float32
     grey = types.Array(types.uint8, 2, "A", readonly=True)

@@ -112,9 +112,7 @@ def find_half_width(family: str, blur: float) -> float:
     return 1 + float(np.clip(3 * blur, 0.3 * cell, _PAPER_CELLS * cell))
 
 
-def draw_pattern(
-    family: str, tag_id: int, half_width: float, samples: int, blur: float, pixel: float
-) -> Float32Array:
+def draw_pattern(family: str, tag_id: int, half_width: float, samples: int, blur: float, pixel: float) -> Float32Array:
     """Return the pattern, shape (samples, samples).
 
     Parameters
