@@ -88,7 +88,7 @@ def compare_speed(path: Path, codec: str, threads: int, frames: int) -> None:
     calls, rms_px = track(path, threads)
     print(
         f"{codec}, {threads} decoder thread(s): tracking / decoding {best['tracking'] / best['decoding']:.2f}, "
-        f"tracking / plain loop {best['tracking'] / best['plain']:.1f} "
+        f"tracking / plain loop {best['tracking'] / best['plain']:.1f} of {best['decoding'] / best['plain']:.1f} "
         f"({best['tracking']:.0f}, {best['decoding']:.0f}, {best['plain']:.0f} fps); "
         f"hashing for {1e3 * HASHED_S:.1f} ms a frame / decoding {best['hashing'] / best['decoding']:.2f}; "
         f"processor time tracking / decoding {share:.2f}; "
