@@ -10,7 +10,7 @@ from tagsway.tags.template import Float32Array
 
 _MOTION_STEPS = 8  # to a pixel: a sixteenth more or less of motion changes no pixel by a grey level
 _MOST_MOTION_PX = 16.0
-_LEAST = 0.002  # a smaller weight changes no pixel by a grey level, and costs as much as others
+_LEAST = 0.001  # a smaller weight changes no pixel by a grey level, and costs as much as others
 
 
 def find_streak(motion_px: tuple[float, float]) -> Float32Array:
