@@ -125,7 +125,7 @@ def test_an_interrupted_overlay_leaves_nothing(film, tmp_path) -> None:
 def test_a_film_without_a_result_still_shows_what_was_seen(tmp_path) -> None:
     # odd sides, small, upright, slow: enlarged for the words, padded to even, at its own rate
     film = tmp_path / "film.mkv"
-    scene = released_scene(camera=SceneCamera(width=180, height=320, distance_m=1.5, focal_px=1200.0), duration_s=0.6)
+    scene = released_scene(camera=SceneCamera(width=180, height=320, distance_m=1.5, focal_px=1200.0), duration_s=0.4)
     render_scene(scene, tmp_path / "whole.mp4")
     with read_frames(tmp_path / "whole.mp4", read_clock(tmp_path / "whole.mp4")) as frames:
         greys = [frame.grey[:-1, :-1].copy() for frame in frames][::8]
