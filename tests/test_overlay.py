@@ -10,7 +10,7 @@ import pytest
 from scenes import released_scene, small_scene
 from tagsway.cli.app import run
 from tagsway.model import Settings
-from tagsway.pipeline import identify, write_measurement
+from tagsway.pipeline import Measurement, identify, write_measurement
 from tagsway.report.overlay import write_overlay
 from tagsway.scene import render_scene
 from tagsway.scene.optics import SceneCamera, VideoFormat
@@ -43,6 +43,11 @@ def folder(film) -> Path:
     return out
 
 
+@pytest.fixture(scope="module")
+def measured(film) -> Measurement:
+    return identify(film, Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03))
+
+
 def images(path: Path) -> list[np.ndarray]:
     with av.open(str(path)) as container:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
@@ -64,8 +69,7 @@ def test_an_overlay_has_every_frame_once_and_plays_in_a_browser(film, folder) ->
     np.testing.assert_allclose(np.diff(frames), 0.02, atol=1e-4)
 
 
-def test_a_tag_is_outlined_where_it_was_seen_and_nowhere_else(film, folder) -> None:
-    measured = identify(film, Settings(tcp_tag_size_m=0.03, pcp_tag_size_m=0.03))
+def test_a_tag_is_outlined_where_it_was_seen_and_nowhere_else(measured, folder) -> None:
     pcp = measured.sightings.tag(1)
     drawn = images(folder / "overlay.mp4")
     scale = drawn[0].shape[1] / 640
@@ -109,9 +113,7 @@ def test_a_table_has_no_overlay(tmp_path, capsys, monkeypatch) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["track.csv"]
 
 
-def test_an_interrupted_overlay_leaves_nothing(film, tmp_path) -> None:
-    measured = identify(film, Settings())
-
+def test_an_interrupted_overlay_leaves_nothing(film, measured, tmp_path) -> None:
     def interrupt(done: int, total: int) -> None:
         assert total == 220
         if done == 30:
