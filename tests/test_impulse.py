@@ -94,9 +94,10 @@ def test_far_enough_means_that_the_arm_is_rigid_to_five_percent(tmp_path, payloa
 
 def test_noise_alone_has_no_first_frequency(tmp_path) -> None:
     rng = np.random.default_rng(8)
-    file = write(tmp_path / "noise.csv", list(rng.normal(size=(3, len(TIME)))))
-    with pytest.raises(NotIdentifiableError):
-        identify_impulses([file])
+    for _ in range(12):
+        file = write(tmp_path / "noise.csv", list(rng.normal(size=(3, len(TIME)))))
+        with pytest.raises(NotIdentifiableError, match="no blow"):
+            identify_impulses([file])
     with pytest.raises(NotIdentifiableError, match="no blow"):
         identify_impulses([write(tmp_path / "still.csv", [np.zeros(len(TIME))])])
 

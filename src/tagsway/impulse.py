@@ -16,6 +16,10 @@ ENVELOPE_S = 0.01
 LOUD, RISE = 0.2, 3.0
 """A blow reaches this share of the loudest, and rises by this factor above the quiet before it."""
 
+ABOVE = 4.0
+"""Least height of a blow over the noise, both as envelopes: the largest of a record of noise alone is 3.4 times its
+5th percentile."""
+
 APART_S = 0.15
 """A hammer that bounces strikes again sooner."""
 
@@ -66,9 +70,9 @@ def find_blows(time_s: FloatArray, values: FloatArray, *, channel: str) -> list[
     Notes
     -----
     A blow begins where the envelope passes a fifth of its highest value and has risen threefold within twice the
-    envelope's width. The samples from the highest of the first width on are the answer: what the hammer itself does,
-    a pulse of a few milliseconds, lies before it. It ends at the next blow, after a second, or where the envelope has
-    fallen to the noise.
+    envelope's width, to four times the noise. The samples from the highest of the first width on are the answer: what
+    the hammer itself does, a pulse of a few milliseconds, lies before it. It ends at the next blow, after a second, or
+    where the envelope has fallen to the noise.
     """
     finite = np.isfinite(values) & np.isfinite(time_s)
     time_s, values = time_s[finite], values[finite]
@@ -91,6 +95,7 @@ def find_blows(time_s: FloatArray, values: FloatArray, *, channel: str) -> list[
         if not onsets or (start - onsets[-1]) * step > APART_S:
             onsets.append(int(start))
     floor = float(np.percentile(envelope, 5))
+    onsets = [onset for onset in onsets if envelope[onset : onset + 3 * width].max() > ABOVE * floor]
     blows = []
     for onset, following in itertools.pairwise([*onsets, len(signal)]):
         begin = onset + int(np.argmax(np.abs(signal[onset : onset + 3 * width])))
