@@ -40,12 +40,9 @@ PRIOR = PriorPayload(
 LEVEL = Move(from_m=(-0.2, 0, 0), to_m=(0.2, 0, 0), profile="bang-bang", max_acceleration_m_s2=4.0)
 LIFTED = replace(LEVEL, profile="pick-and-place", pick_height_m=0.02, place_height_m=0.02)
 RECORD_S = 1.5
-OFFERED = (
-    ("zv",),
-    ("zvd",),
-    ("ei",),
-    ("zv", "zvd", "ei"),
-)  # to every fourth scene all: choosing takes most of the time
+OFFERED = ("zv", "zvd", "ei", "zv")
+CHOOSING = (3, 15)
+"""Scenes that are offered each of them, the others one: choosing takes most of the time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,7 +222,8 @@ def test_what_cannot_be_retuned_is_refused() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("index", range(20))
 def test_a_second_video_sees_what_the_design_promised(index, tmp_path) -> None:
-    loop = close_loop(loop_scene(index), tmp_path, kinds=OFFERED[index % len(OFFERED)])
+    kinds = OFFERED[:3] if index in CHOOSING else (OFFERED[index % len(OFFERED)],)
+    loop = close_loop(loop_scene(index), tmp_path, kinds=kinds)
     assert loop.chosen["share_kept"] >= 0.95
     assert loop.seen_mm <= WINDOW_MM
     assert loop.true_mm <= WINDOW_MM
