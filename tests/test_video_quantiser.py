@@ -1,12 +1,13 @@
-"""What a decoder tells of coders that move blocks by whole or half pixels."""
+"""What a film tells of its coder, and the decoder of its quantiser."""
 
+import math
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
 
-from tagsway.video.quantiser import find_coarseness
+from tagsway.video.quantiser import find_coder
 from tagsway.video.reading import read_clock, read_frames
 
 SHAPE = (64, 96)
@@ -34,29 +35,60 @@ def write(path: Path, encoder: str, options: dict[str, str], quantiser: int = 0)
 
 def steps(path: Path) -> list[float]:
     with read_frames(path, read_clock(path)) as frames:
-        return [frame.coarse_step for frame in frames]
+        return [frame.coding.step for frame in frames]
 
 
 @pytest.mark.parametrize(
     ("encoder", "suffix", "expected"),
-    [("mpeg4", ".avi", 10.0), ("mpeg2video", ".mkv", 5.0), ("flv", ".flv", 10.0)],
+    [("mpeg4", ".avi", 11.2), ("mpeg2video", ".mkv", 4.5), ("flv", ".flv", 11.2)],
 )
 def test_the_step_of_coders_with_half_pixels_is_known(
     tmp_path: Path, encoder: str, suffix: str, expected: float
 ) -> None:
     found = steps(write(tmp_path / f"clip{suffix}", encoder, {}, 5))
-    assert found[0] == 0  # nothing was predicted yet
-    assert found[1:] == pytest.approx([expected] * 9)  # identity: twice the quantiser; half of it for MPEG-2
+    assert math.isnan(found[0])  # nothing was predicted yet
+    assert found[1:] == pytest.approx([expected] * 9)  # identity: 1.12 times twice the quantiser; 0.45 for MPEG-2
 
 
-@pytest.mark.parametrize(("preset", "expected"), [("ultrafast", 0.625 * 2**5), ("superfast", 0.0)])
-def test_whole_pixels_are_known_by_the_note_of_the_coder(tmp_path: Path, preset: str, expected: float) -> None:
-    options = {"preset": preset, "qp": "30", "tune": "zerolatency"}
-    found = steps(write(tmp_path / "clip.mp4", "libx264", options))
-    assert found[1:] == pytest.approx([expected] * 9)  # identity: 0.625 grey levels, doubled every six quantisers
+@pytest.mark.parametrize(
+    ("preset", "family", "share"), [("ultrafast", "coarse", 1.0), ("superfast", "h264", 1.9), ("faster", "h264", 1.0)]
+)
+def test_whole_pixels_are_known_by_the_note_of_the_coder(
+    tmp_path: Path, preset: str, family: str, share: float
+) -> None:
+    path = write(tmp_path / "clip.mp4", "libx264", {"preset": preset, "qp": "30", "tune": "zerolatency"})
+    with read_frames(path, read_clock(path)) as frames:
+        found = [frame.coding for frame in frames]
+    assert {coding.family for coding in found} == {family}
+    steps_told = [coding.step for coding in found[1:]]
+    # identity: 0.625 grey levels, doubled every six quantisers
+    assert steps_told == pytest.approx([share * 0.625 * 2**5] * 9)
+
+
+def test_a_coder_that_loses_nothing_has_no_step(tmp_path: Path) -> None:
+    assert steps(write(tmp_path / "clip.mkv", "libx264", {"preset": "faster", "qp": "0"}))[1:] == [0.0] * 9
+
+
+@pytest.mark.parametrize(("preset", "family"), [("ultrafast", "hevc_coarse"), ("medium", "hevc")])
+def test_the_family_of_hevc_is_known_and_no_step(tmp_path: Path, preset: str, family: str) -> None:
+    options = {"preset": preset, "x265-params": "log-level=none:pools=1:frame-threads=1"}
+    path = write(tmp_path / "clip.mp4", "libx265", options)
+    with read_frames(path, read_clock(path)) as frames:
+        found = [frame.coding for frame in frames]
+    assert {coding.family for coding in found} == {family}
+    assert all(math.isnan(coding.step) for coding in found)
+
+
+def test_the_step_of_vp9_grows_with_its_quantiser(tmp_path: Path) -> None:
+    fine, coarse = (
+        steps(write(tmp_path / f"{crf}.mkv", "libvpx-vp9", {"crf": crf, "b": "0", "cpu-used": "8"}))[-1]
+        for crf in ("10", "40")
+    )
+    assert 1 < fine < coarse / 2
 
 
 def test_coders_without_a_note_are_taken_for_fine_ones() -> None:
-    assert find_coarseness("h264", b"\x00\x00\x01\x65 subme=0 ") == 0
-    assert find_coarseness("hevc", b"") == 0
-    assert find_coarseness("mpeg4", b"") == 1
+    assert find_coder("h264", b"\x00\x00\x01\x65 subme=0 ")[0].family == "h264"
+    assert find_coder("hevc", b"")[0].family == "hevc"
+    assert find_coder("mpeg4", b"")[0].family == "coarse"
+    assert find_coder("ffv1", b"")[0].family == "other"

@@ -85,13 +85,14 @@ from tagsway.model.study import LimitRow, Pair, Quantity, StudyRow
 from tagsway.model.tags import Detection, Sighting, Sightings, TagSightings
 from tagsway.model.track import SCALE_STD, CleanTagTrack, CleanTrack, TagTrack, Track
 from tagsway.model.trajectory import JointPath, SampledTrajectory, Trajectory
-from tagsway.model.video import Frame, Progress, VideoInfo
+from tagsway.model.video import UNKNOWN_CODING, Coding, Frame, Progress, VideoInfo
 
 __all__ = [
     "EVENT_WORDS",
     "GRAVITY_M_S2",
     "NORMAL_95",
     "SCALE_STD",
+    "UNKNOWN_CODING",
     "AlignedLog",
     "AlignedMove",
     "AmplitudeCurve",
@@ -106,6 +107,7 @@ __all__ = [
     "CameraHints",
     "CleanTagTrack",
     "CleanTrack",
+    "Coding",
     "Comparison",
     "ConditionCurves",
     "ConditionSummary",

@@ -1,5 +1,6 @@
 """What comes out of a video file: grey images with their true times."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -9,6 +10,28 @@ from tagsway.model.estimate import FORBID_UNKNOWN
 
 Progress = Callable[[int, int], None]
 """Called with how many frames are done, and how many there are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coding:
+    """What is known of the coder that made a film.
+
+    Parameters
+    ----------
+    family : str
+        "coarse": moves blocks by whole or half pixels only, and leaves the rest of each motion to its corrections.
+        "h264", "hevc", "vp9": finer vectors. "hevc_coarse": x265's with "subme=0". "other" where it is none of these.
+    step : float
+        Change, in grey levels, below which it corrects nothing: its quantiser's step. NaN where that is not known; 0
+        where nothing is lost.
+    """
+
+    family: Literal["coarse", "h264", "hevc", "hevc_coarse", "vp9", "other"] = "other"
+    step: float = math.nan
+
+
+UNKNOWN_CODING = Coding()
+"""Of a coder, if there was one, of which nothing is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,16 +49,15 @@ class Frame:
         is coded.
     predicted : bool
         Whether a coder made it from other images, so that their errors may live on in it.
-    coarse_step : float
-        Change, in grey levels, that a coder may have left out because it moves blocks by whole or half pixels only: its
-        quantiser's step. 0 for all others.
+    coding : Coding
+        How a coder did that.
     """
 
     index: int
     time_s: float
     grey: GreyArray
     predicted: bool = False
-    coarse_step: float = 0.0
+    coding: Coding = UNKNOWN_CODING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

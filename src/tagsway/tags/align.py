@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tagsway.model import FloatArray, GreyArray, Sighting
+from tagsway.model import UNKNOWN_CODING, Coding, FloatArray, GreyArray, Sighting
 from tagsway.tags.coder import CoderPull
 from tagsway.tags.grid import LEAST_CONTRAST, LEAST_CORRELATION, Grid, align_grid, make_grid, shows_pattern
 from tagsway.tags.pose import lies_in, local_jacobian, measure_scale
@@ -78,7 +78,7 @@ class Aligner:
         travel_px: tuple[float, float] | None = None,
         time_s: float = 0.0,
         predicted: bool = False,
-        coarse_step: float = 0.0,
+        coding: Coding = UNKNOWN_CODING,
     ) -> Sighting | None:
         """Return the tag as it is seen near a predicted pose.
 
@@ -94,8 +94,8 @@ class Aligner:
             When the image was taken; needed where a coder made some of the images from others.
         predicted : bool
             Whether it made this one so.
-        coarse_step : float
-            See `tagsway.model.Frame`.
+        coding : Coding
+            How it did that.
 
         Returns
         -------
@@ -119,7 +119,7 @@ class Aligner:
             return None
         if travel_px is None:
             self._coder.interrupt()
-        return self._report(refined, time_s, predicted=predicted, coarse_step=coarse_step)
+        return self._report(refined, time_s, predicted=predicted, coding=coding)
 
     def _approach(
         self, grey: GreyArray, homography: FloatArray, template: Template, motion_px: tuple[float, float]
@@ -217,15 +217,20 @@ class Aligner:
         between = _find_lowest(residual(max(best - 1, 0)), residual(best), residual(min(best + 1, last)))
         return float(_BLURS_PX[best] * (_BLURS_PX[1] / _BLURS_PX[0]) ** between)
 
-    def _report(self, refined: Refinement, time_s: float, *, predicted: bool, coarse_step: float) -> Sighting:
+    def _report(self, refined: Refinement, time_s: float, *, predicted: bool, coding: Coding) -> Sighting:
         h = refined.homography
         *white, cross = refined.plain
         blocks = [even * factor for even, factor in zip(white, self._steady(refined), strict=True)]
         place = float(h[0, 2]), float(h[1, 2]), self._unwrap(_measure_angle(h))
-        held = coarse_step / math.sqrt(refined.variance)
-        side_px = 2 * measure_scale(h)
         pull = self._coder.measure(
-            time_s, place, white=white, blocks=blocks, predicted=predicted, held=held, side_px=side_px
+            time_s,
+            place,
+            white=white,
+            blocks=blocks,
+            predicted=predicted,
+            coding=coding,
+            gain=refined.gain,
+            side_px=2 * measure_scale(h),
         )
         self._pull_px2 = min(pull[0], pull[1])
         xx, yy, turned = (shown + hidden for shown, hidden in zip(blocks, pull, strict=True))

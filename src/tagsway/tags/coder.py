@@ -2,19 +2,47 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+from tagsway.model import UNKNOWN_CODING, Coding
 from tagsway.tags.scatter import Scatter
 
 _UNEVEN = math.exp(0.1)  # the blocks of raw images stay below, by chance
-_PULLED_TOGETHER = (11.0, 11.0, 2.5)  # variance of what all blocks share, over what their differences show
-_SLOW_PX = 0.4  # an image: faster motion is coded anew in every image, with other errors each time ...
-_SLOW_ALONG_PX = 1.5  # ... but along its way with like ones: the vectors of a steady motion are as wrong in each
-_BEHIND = 0.13  # to a pixel of the tag's side: variance, along its way, of a lag that all of a tag has in common ...
-_MOST_HELD = 3.0  # standard deviations: beyond it noise helps no more
-_APART = (3.7, 3.7, 3.0)  # ... and of what its blocks have each for itself, x, y and angle
-_FROZEN = 2.0  # as above, of an image that was coded by itself
+_HIDDEN = 0.05  # of white noise's variance: so much of what blocks have apart hides in it, at least
+_SIZE_PX, _SMALLER = 40.0, -0.3  # a tag's side, and the power of it: more blocks, more of their errors even out
+_SLOW_PX, _SHARED = 0.4, 0.27  # an image: faster, and the axis that the tag moves along has the larger share
+_TURNED_PX, _TORN = 0.2, 0.3  # an image, at an edge: a tag that turns moves each of its blocks by another way
+_STEP, _STEP_SMALLER = 0.125, -0.45  # of the contrast: a quantiser's step of 20 grey levels; as above
+_ANGLE_TOGETHER = 2.5  # variance of the angle that all blocks share, over what their differences show
+_LAG, _LAG_ANGLE = 0.55, 0.4  # px, and px at an edge, to a coarse coder's step that is as large as the contrast
+_CREEP_PX = 0.07  # an image: slower, and noise corrects the lag meanwhile
+_LAG_FAST = 0.1  # power of the squared speed
+_FROZEN = 2.0  # what blocks have apart, of an image that was coded by itself
 _SPEED_MEMORY = 4  # images
 _REST_MEMORY = 40  # images: after so many at rest a coder has corrected what it left
+_NO_WAY = 4.0  # variances of the place: by so much it seems to have moved at rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Law:
+    """How much of a tag's place a family of coders holds back, in px: at even blocks, and at a step of `_STEP`."""
+
+    apart_px: float
+    power: float = 0.73  # of what blocks have apart, in the variance of what they have in common
+    step_px: float = 0.0
+    step_power: float = 0.0
+    fast_power: float = 0.0
+
+
+_LAWS = {
+    "h264": _Law(apart_px=0.89, step_px=0.0241, step_power=1.25),
+    "hevc": _Law(
+        apart_px=2.15, power=0.85
+    ),  # its loop filter and its large blocks leave more than their differences show
+    "hevc_coarse": _Law(apart_px=2.72, power=0.85),
+    "vp9": _Law(apart_px=1.18, step_px=0.027, step_power=3.0, fast_power=0.45),
+}
+_USUAL = _Law(apart_px=0.89)
 
 
 class CoderPull:
@@ -27,26 +55,26 @@ class CoderPull:
     lasts: a tag that starts lags behind its motion, one that stops is drawn short of its place. Neighbouring blocks
     share their vectors, so most of that error is common to all of a tag, where no residual of the image shows it.
 
-    What does show is how the blocks differ: the variance of the place from the residual's sums over blocks exceeds the
-    one of white noise, w, by u. The common error is as many times larger as blocks are pulled together, and more so
-    where noise hides how they differ, on small tags and at fine quantisers: c (u + √(u w)). c was found on rendered
-    films in H.264, HEVC and VP9, tags of 20 to 90 px, crf 12 to 30, and held against others. The error cannot exceed
-    the way since the last image that was coded by itself, and is mended while the tag rests. In fast motion it is
-    another one every few images, and `Scatter` measures it; least so along the way, where vectors err alike.
+    What tells it is, first, how the blocks differ: the variance of the place from the residual's sums over blocks
+    exceeds the one of white noise, w, by u; the common variance goes with (u + √(u w))^0.73, for
+    HEVC^0.85. Second, the quantiser's
+    step Δ over the contrast, where the decoder tells it: with Δ^1.25 for H.264 (a vector's quarter pixels set a limit),
+    with Δ³ for VP9 (noise helps what is just below the step). The geometric mean of both counts, for each fails where
+    the other does not: noise hides how the blocks of a small tag differ, and a coder's presets use a step unlike.
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
-    motion to the corrections, and none is made that is smaller than its quantiser's step: a slow tag lags behind by as
-    much as changes the image by that, all of its blocks alike, so that nothing shows it, and a fast one in each of its
-    blocks by another bit of it. Hence the step itself counts, h times the residual's deviation. The fast tag's error is
-    that of noise of twice the step. The slow one's does not shrink as tags grow, as noise's does; and noise helps
-    coefficients over the step, so the lag grows faster than h. A tag that is held so does not seem to move: its way of
-    late counts, also from before an image that was coded by itself. Found on tags of 40 to 90 px, noise of 2 and 3,
-    three to six quantisers, and held against others: the variance is rather too large, on a slow line at most three
-    times too small.
+    motion to the corrections, and none is made that is smaller than its quantiser's step: all blocks lag behind alike,
+    and nothing shows it. The lag is 0.55 px times Δ over the contrast, whatever the tag's size and speed, but less for
+    what creeps by less than 0.07 px an image (noise corrects it meanwhile) and for a tag that turns, whose blocks lag
+    each by another bit.
 
-    Not for x265 at crf 28: with its large blocks and bursts of error the variance is 1.3 to 2 times too small. Nor for
-    a small tag at a fine quantiser whose blocks differ by no more than noise does. The angle of a tag that does not
-    turn is stated up to four times too large where quantisers are coarse.
+    All of that holds for each axis by its own motion: one that does not move is not held back, and the error cannot
+    exceed the way since the last image that was coded by itself (for a coarse coder, which holds a tag before that
+    already: the way of late). It is mended while the tag rests. What goes beyond it for some images, `Scatter` sees.
+
+    The constants are from rendered films of 20 to 90 px (H.264 from "superfast" to "slow" at crf 12 to 28, HEVC, VP9,
+    MPEG-4 Part 2) and were held against others: benchmarks/accuracy.py. HEVC's quantiser is not told, and its
+    bursts of error are stated too small now and then.
 
     Where each image was coded by itself the blocks show all, unless it was taken from a film that was not: then the
     scatter counts.
@@ -54,10 +82,10 @@ class CoderPull:
 
     def __init__(self) -> None:
         self._scatter = Scatter()
-        self._last_px: tuple[float, float] | None = None
-        self._since_image, self._lately = _Way(), _Way()
+        self._last: tuple[float, ...] | None = None
+        self._since_image, self._lately = (_Way(), _Way(), _Way()), (_Way(), _Way(), _Way())
         self._speed_px = 0.0
-        self._heading_px2 = [0.0, 0.0]
+        self._velocity, self._squares = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         self.is_at_work = False
 
     def measure(
@@ -68,8 +96,9 @@ class CoderPull:
         white: Sequence[float],
         blocks: Sequence[float],
         predicted: bool,
-        held: float = 0.0,
-        side_px: float = 0.0,
+        coding: Coding = UNKNOWN_CODING,
+        gain: float = 1.0,
+        side_px: float = _SIZE_PX,
     ) -> list[float]:
         """Return the variances of x, y and angle that a coder adds to those that the image shows.
 
@@ -83,8 +112,10 @@ class CoderPull:
             Variances of these for white noise of the residual's size, and from the residual's sums over blocks.
         predicted : bool
             Whether the image was made from others.
-        held : float
-            Step of a coarse coder's quantiser, in standard deviations of the residual.
+        coding : Coding
+            What is known of the coder.
+        gain : float
+            Grey levels from the tag's black to its white.
         side_px : float
             Of the tag.
         """
@@ -97,54 +128,78 @@ class CoderPull:
         scatter = [max(one - even, 0.0) for one, even in zip(self._scatter.variance.tolist(), shown, strict=True)]
         if not self.is_at_work:
             return scatter
-        self._move((float(place[0]), float(place[1])), predicted=predicted)
-        fast, steady = (1 + (self._speed_px / slow) ** 2 for slow in (_SLOW_PX, _SLOW_ALONG_PX))
-        right, down = (one / max(sum(self._heading_px2), 1e-30) for one in self._heading_px2)
-        shares = (*(along / steady + (1 - along) / fast for along in (right, down)), 1.0)
-        common = [
-            share * together * (least + math.sqrt(least * even))
-            for share, together, least, even in zip(shares, _PULLED_TOGETHER, uneven, white, strict=True)
-        ]
-        pulled = _limit([max(one, more) for one, more in zip(scatter, common, strict=True)], self._since_image)
-        if held > 0:
-            behind = _BEHIND * held**2 * min(held, _MOST_HELD) * side_px / fast
-            steps = [apart * held**2 + behind * along for apart, along in zip(_APART, (right, down, 0.0), strict=True)]
-            lags = _limit([step * even for step, even in zip(steps, white, strict=True)], self._lately)
-            pulled = [max(one, lag) for one, lag in zip(pulled, lags, strict=True)]
-        return [max(one, _FROZEN * least) for one, least in zip(pulled, uneven, strict=True)]
+        self._move((float(place[0]), float(place[1]), float(place[2])), predicted=predicted)
+        step = coding.step / gain
+        if coding.family == "coarse":
+            held, ways = self._measure_lag(step, side_px), self._lately
+        else:
+            held, ways = self._measure_common(coding.family, step, side_px, white, uneven), self._since_image
+        reached = [max(way.square - _NO_WAY * even, 0.0) for way, even in zip(ways, blocks, strict=True)]
+        angle = _ANGLE_TOGETHER * (uneven[2] + math.sqrt(uneven[2] * white[2]))
+        limited = [min(one, most) for one, most in zip(held, reached, strict=True)]
+        limited[2] = max(limited[2], angle)
+        return [max(one, more, _FROZEN * least) for one, more, least in zip(limited, scatter, uneven, strict=True)]
 
     def interrupt(self) -> None:
         """Forget the last places, after a gap."""
         self._scatter.interrupt()
-        self._last_px = None
+        self._last = None
 
-    def _move(self, centre_px: tuple[float, float], *, predicted: bool) -> None:
-        if self._last_px is not None:
-            step_px = math.dist(centre_px, self._last_px)
-            self._speed_px += (step_px - self._speed_px) / _SPEED_MEMORY
-            for axis, (was, there) in enumerate(zip(self._last_px, centre_px, strict=True)):
-                self._heading_px2[axis] += ((there - was) ** 2 - self._heading_px2[axis]) / _REST_MEMORY
-        self._last_px = centre_px
+    def _measure_common(
+        self, family: str, step: float, side_px: float, white: Sequence[float], uneven: Sequence[float]
+    ) -> list[float]:
+        """Return the variances of x and y that all blocks share, and none of the angle."""
+        law = _LAWS.get(family, _USUAL)
+        size = side_px / _SIZE_PX
+        told = law.step_px**2 * (step / _STEP) ** law.step_power * size**_STEP_SMALLER if law.step_px > 0 else math.nan
+        moved = 1 + (self._squares[0] + self._squares[1]) / _SLOW_PX**2
+        torn = (1 + self._turn_px2(side_px) / _TURNED_PX**2) ** -_TORN * self._fast() ** -law.fast_power
+        common = [0.0, 0.0, 0.0]
+        for axis in range(2):
+            even, least = white[axis], uneven[axis]
+            hidden = 0.0 if math.isnan(told) else _HIDDEN * even
+            seen = law.apart_px**2 * (least + math.sqrt(least * even) + hidden) ** law.power * size**_SMALLER
+            share = ((1 + self._squares[axis] / _SLOW_PX**2) / moved) ** _SHARED
+            common[axis] = torn * share * (seen if math.isnan(told) else math.sqrt(seen * told))
+        return common
+
+    def _measure_lag(self, step: float, side_px: float) -> list[float]:
+        """Return the variances of x, y and angle by which a coder that moves blocks coarsely lags behind."""
+        turn_px2 = self._turn_px2(side_px)
+        whole = (_LAG * step) ** 2 * self._fast() ** -_LAG_FAST / (1 + turn_px2 / _TURNED_PX**2)
+        along = [whole * min(math.sqrt(self._squares[axis]) / _CREEP_PX, 1.0) for axis in range(2)]
+        return [*along, (_LAG_ANGLE * step / (side_px / 2)) ** 2 * min(math.sqrt(turn_px2) / _CREEP_PX, 1.0)]
+
+    def _fast(self) -> float:
+        return 1 + (self._speed_px / _SLOW_PX) ** 2
+
+    def _turn_px2(self, side_px: float) -> float:
+        """Return how far an edge turns from image to image, squared."""
+        return self._squares[2] * (side_px / 2) ** 2
+
+    def _move(self, place: tuple[float, ...], *, predicted: bool) -> None:
+        if self._last is not None:
+            steps = [there - was for there, was in zip(place, self._last, strict=True)]
+            self._speed_px += (math.hypot(steps[0], steps[1]) - self._speed_px) / _SPEED_MEMORY
+            for axis, step in enumerate(steps):
+                self._velocity[axis] += (step - self._velocity[axis]) / _SPEED_MEMORY
+                self._squares[axis] += (self._velocity[axis] ** 2 - self._squares[axis]) / _REST_MEMORY
+        self._last = place
         if not predicted:
-            self._since_image = _Way()
-        self._since_image.go_on(centre_px)
-        self._lately.go_on(centre_px)
+            self._since_image = (_Way(), _Way(), _Way())
+        for ways in (self._since_image, self._lately):
+            for way, one in zip(ways, place, strict=True):
+                way.go_on(one)
 
 
 class _Way:
-    """How far a tag has come, forgotten as it rests."""
+    """How far a tag has come along one axis, forgotten as it rests."""
 
     def __init__(self) -> None:
-        self._start_px: tuple[float, float] | None = None
-        self.square_px2 = 0.0
+        self._start: float | None = None
+        self.square = 0.0
 
-    def go_on(self, centre_px: tuple[float, float]) -> None:
-        (x, y), (to_x, to_y) = self._start_px or centre_px, centre_px
-        self._start_px = x + (to_x - x) / _REST_MEMORY, y + (to_y - y) / _REST_MEMORY
-        self.square_px2 = max(self.square_px2 * (1 - 2 / _REST_MEMORY), math.dist(centre_px, self._start_px) ** 2)
-
-
-def _limit(variances: list[float], way: _Way) -> list[float]:
-    """Return variances of x, y and angle of which those of the place are no larger than a way."""
-    reached = min(way.square_px2 / max(variances[0], variances[1], 1e-30), 1.0)
-    return [reached * one for one in variances]
+    def go_on(self, place: float) -> None:
+        start = place if self._start is None else self._start
+        self._start = start + (place - start) / _REST_MEMORY
+        self.square = max(self.square * (1 - 2 / _REST_MEMORY), (place - self._start) ** 2)

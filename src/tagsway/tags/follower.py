@@ -100,7 +100,7 @@ class Follower:
             travel_px=travel,
             time_s=frame.time_s,
             predicted=frame.predicted,
-            coarse_step=frame.coarse_step,
+            coding=frame.coding,
         )
         if sighting is not None and self._can_be(sighting.homography, frame.time_s, predicted):
             if self._is_still_read(frame, sighting):
@@ -145,7 +145,7 @@ class Follower:
                     start,
                     time_s=frame.time_s,
                     predicted=frame.predicted,
-                    coarse_step=frame.coarse_step,
+                    coding=frame.coding,
                 )
                 if sighting is not None and self._can_be(sighting.homography, frame.time_s, predicted):
                     return True, self._keep(frame, sighting)

@@ -15,8 +15,8 @@ import numpy as np
 from av.video.frame import PictureType
 
 from tagsway.errors import InputError
-from tagsway.model import GreyArray, IntArray, Notice
-from tagsway.video.quantiser import EXPORT, find_coarseness, read_step
+from tagsway.model import UNKNOWN_CODING, GreyArray, IntArray, Notice
+from tagsway.video.quantiser import EXPORT, find_coder, mix_step, read_step
 from tagsway.video.source import Stamps
 
 _CAPTURE_RATE_KEYS = ("com.android.capture.fps", "com.android.capturefps", "capture_fps", "capturefps")
@@ -26,7 +26,7 @@ _BLACK, _WHITE = 16, 235  # of 8-bit luma in limited range
 _SQUARE = 2e-3  # pixels whose sides differ by less count as square
 _NO_STAMP = -(2**63)
 _UNTIMED = 0x80  # AVFMT_NOTIMESTAMPS: a coder's bare stream, whose times FFmpeg makes up at 25 Hz
-_STEP_EVERY = 4  # predicted images: reading it takes as long as a tag
+_STEP_EVERY = 7  # predicted images: reading it takes half as long as a tag
 _STEP_MEMORY = 4  # readings: an error lasts longer than the quantiser that made it
 _BY_ITSELF = (PictureType.NONE, PictureType.I)  # how an image is coded that needs no other
 
@@ -40,8 +40,8 @@ class ContainerSource:
         self._aspect = 1.0
         self.turns = 0
         self.predicted = False
-        self.coarse_step = 0.0
-        self._codec, self._coarseness, self._until_step = "", 0.0, 0
+        self.coding = UNKNOWN_CODING
+        self._codec, self._held, self._until_step = "", 0.0, 0
 
     def read_stamps(self) -> Stamps:
         """Walk through the packets."""
@@ -84,7 +84,7 @@ class ContainerSource:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
         grey: Any
         self.predicted = picture.pict_type not in _BY_ITSELF
-        if self._coarseness and self.predicted:
+        if self._held and self.predicted:
             self._learn_step(picture)
         if picture.planes[0].line_size < 0:
             # The last row comes first in memory, as in a bitmap: only a conversion knows where the first one is.
@@ -106,11 +106,11 @@ class ContainerSource:
         return np.asarray(grey, dtype=np.uint8)
 
     def _know_coder(self, context: Any, first: Any) -> None:
-        """Have the decoder tell the quantiser of a coder that moves blocks coarsely."""
-        self._codec, self.coarse_step, self._until_step = context.name, 0.0, 0
+        """Learn the coder's family, and have the decoder tell its quantiser."""
+        self._codec, self._until_step = context.name, 0
         start = b"" if first is None else bytes(first)
-        self._coarseness = find_coarseness(self._codec, bytes(context.extradata or b"") + start)
-        if self._coarseness:
+        self.coding, self._held = find_coder(self._codec, bytes(context.extradata or b"") + start)
+        if self._held:
             context.options = EXPORT
 
     def _learn_step(self, picture: Any) -> None:
@@ -119,8 +119,7 @@ class ContainerSource:
             self._until_step = _STEP_EVERY - 1
             step = read_step(picture, self._codec)
             if step is not None:
-                change = self._coarseness * step - self.coarse_step
-                self.coarse_step += change / (_STEP_MEMORY if self.coarse_step else 1)
+                self.coding = mix_step(self.coding, self._held * step, share=1 / _STEP_MEMORY)
 
     def notices(self) -> tuple[Notice, ...]:
         """Say where images were interlaced, and where pixels were not square."""

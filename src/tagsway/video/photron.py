@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from tagsway.errors import InputError
-from tagsway.model import GreyArray, Notice
+from tagsway.model import UNKNOWN_CODING, GreyArray, Notice
 from tagsway.video.source import Stamps
 
 SUFFIXES = frozenset({".mraw", ".cihx", ".cih"})
@@ -59,7 +59,7 @@ class PhotronSource:
 
     turns = 0
     predicted = False
-    coarse_step = 0.0
+    coding = UNKNOWN_CODING
 
     def __init__(self, path: Path) -> None:
         self._path, header = find_pair(path)

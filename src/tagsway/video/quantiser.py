@@ -1,42 +1,62 @@
-"""How coarsely a coder corrects what it moves: the quantiser's step, where blocks are moved by whole or half pixels."""
+"""What is known of a film's coder: its family, and how coarsely it corrects what it moves."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from av.sidedata.sidedata import Type
 
+from tagsway.model import UNKNOWN_CODING, Coding
+
 EXPORT = {"export_side_data": "venc_params"}
 """What the decoder must be asked for, before it is opened."""
 
-_WHOLE_PIXELS = re.compile(rb"x264 - core .{0,600}subme=0 ", re.DOTALL)  # x264 writes its settings into the first image
-# Coders that know half pixels only, and how much of a step they hold back, over the others: what MPEG-1 and 2 code at
-# all they put into the middle of the step, hence nearer to the truth.
-_HALF_PIXELS = {"mpeg1video": 0.5, "mpeg2video": 0.5} | dict.fromkeys(
-    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.0
+# x264 and x265 write their settings into the first image: 0 moves by whole pixels, 1 corrects little.
+_X264 = re.compile(rb"x264 - core .{0,600}subme=([01]) ", re.DOTALL)
+_X265 = re.compile(rb"x265 \(build .{0,1600}subme=0 ", re.DOTALL)
+# How much of a step is held back, over x264's: what MPEG-1 and 2 code at all they put into the middle of the step,
+# hence nearer to the truth.
+_HALF_PIXELS = {"mpeg1video": 0.45, "mpeg2video": 0.45} | dict.fromkeys(
+    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.12
 )
+_SUPERFAST = 1.9
 _FIRST_STEP = 0.625  # of H.264, at quantiser 0; it doubles every six
+# Of VP9: the step of the coefficients by index, in eighths; it grows ever faster.
+_INDICES = (0, 1, 95, 120, 137, 150, 180, 215, 255)
+_EIGHTHS = (4, 8, 102, 152, 203, 255, 448, 864, 1828)
 _BLOCK_WORDS = 5  # of 32 bits, to a block: x, y, width, height, and what its quantiser is more than the image's
+_THINNED = 3  # of so many blocks one is read
 
 
-def find_coarseness(codec: str, start: bytes) -> float:
-    """Return how much of a quantiser's step a coder holds back that moves blocks by whole or half pixels.
+def find_coder(codec: str, start: bytes) -> tuple[Coding, float]:
+    """Return a coder's family, and how much of a quantiser's step it holds back.
 
     Parameters
     ----------
     codec : str
-        FFmpeg's name.
+        FFmpeg's name of the decoder.
     start : bytes
         The codec's own header and the first packet.
 
     Returns
     -------
+    Coding
+        Without a step.
     float
-        1 for most of them; 0 for a coder with finer vectors, or without any.
+        1 for most of them; 0 where the decoder tells no step.
     """
     if codec == "h264":
-        return 1.0 if _WHOLE_PIXELS.search(start) else 0.0
-    return _HALF_PIXELS.get(codec, 0.0)
+        known = _X264.search(start)
+        whole = known is not None and known[1] == b"0"
+        share = _SUPERFAST if known is not None and not whole else 1.0
+        return Coding(family="coarse" if whole else "h264"), share
+    if codec == "hevc":
+        return Coding(family="hevc_coarse" if _X265.search(start) else "hevc"), 0.0
+    if codec.endswith("vp9"):
+        return Coding(family="vp9"), 1.0 if codec == "vp9" else 0.0
+    share = _HALF_PIXELS.get(codec, 0.0)
+    return (Coding(family="coarse"), share) if share else (UNKNOWN_CODING, 0.0)
 
 
 def read_step(picture: Any, codec: str) -> float | None:
@@ -56,10 +76,26 @@ def read_step(picture: Any, codec: str) -> float | None:
         loses nothing; None where the decoder does not tell.
     """
     told = picture.side_data.get(Type.VIDEO_ENC_PARAMS)
-    if told is None or not told.nb_blocks:
+    if told is None or not (told.nb_blocks or codec == "vp9"):
         return None
-    words = np.frombuffer(told, np.int32)[told.blocks_offset // 4 :][: _BLOCK_WORDS * told.nb_blocks]
-    quantiser = told.qp + words[_BLOCK_WORDS - 1 :: _BLOCK_WORDS].astype(float)
+    quantiser = np.array([float(told.qp)])
+    if told.nb_blocks:
+        words = np.frombuffer(told, np.int32)[told.blocks_offset // 4 :][: _BLOCK_WORDS * told.nb_blocks]
+        quantiser = told.qp + words[_BLOCK_WORDS - 1 :: _BLOCK_WORDS * _THINNED].astype(float)
     unit = 2.0 ** (picture.format.components[0].bits - 8)
-    step = float(np.mean(_FIRST_STEP * 2 ** (quantiser / 6) / unit if codec == "h264" else quantiser))
+    step = float(np.mean(_measure_steps(quantiser, codec, unit)))
     return step if step > 1 else 0.0
+
+
+def mix_step(coding: Coding, step: float, *, share: float) -> Coding:
+    """Return a coding whose step has gone so much of the way to a new one."""
+    known = coding.step if coding.step > 0 else step
+    return replace(coding, step=known + share * (step - known))
+
+
+def _measure_steps(quantiser: Any, codec: str, unit: float) -> Any:
+    if codec == "h264":
+        return _FIRST_STEP * 2 ** (quantiser / 6) / unit
+    if codec == "vp9":
+        return np.interp(quantiser, _INDICES, _EIGHTHS) / 8 / unit
+    return quantiser

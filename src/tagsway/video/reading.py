@@ -255,7 +255,7 @@ class FrameReader(Iterator[Frame]):
             time_s=time_s,
             grey=grey,
             predicted=self._source.predicted,
-            coarse_step=self._source.coarse_step,
+            coding=self._source.coding,
         )
 
     def _measure_change(self, grey: GreyArray) -> float:

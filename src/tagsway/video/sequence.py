@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from tagsway.errors import InputError
-from tagsway.model import GreyArray, IntArray, Notice
+from tagsway.model import UNKNOWN_CODING, GreyArray, IntArray, Notice
 from tagsway.video.source import Stamps
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"})
@@ -115,7 +115,7 @@ class SequenceSource:
 
     turns = 0
     predicted = False
-    coarse_step = 0.0
+    coding = UNKNOWN_CODING
 
     def __init__(self, sequence: Sequence) -> None:
         self._sequence = sequence

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from tagsway.model import GreyArray, IntArray, Notice
+from tagsway.model import Coding, GreyArray, IntArray, Notice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,13 +47,13 @@ class Source(Protocol):
         Quarter turns, counter-clockwise, from the sensor's image to the upright one; known once an image was read.
     predicted : bool
         Whether a coder made the image that was read last from other images.
-    coarse_step : float
-        Of that image; see `tagsway.model.Frame`.
+    coding : Coding
+        How a coder did that.
     """
 
     turns: int
     predicted: bool
-    coarse_step: float
+    coding: Coding
 
     def read_stamps(self) -> Stamps:
         """Return the stamps of all frames."""
