@@ -98,7 +98,7 @@ def test_a_film_without_loss_is_all_image(tmp_path: Path) -> None:
 
 
 def measure_step(
-    way_px: tuple[float, float], *, step: float, family: str = "coarse", turn_rad: float = 0.0, side_px: float = 60.0
+    way_px: tuple[float, float], *, step: float, family: str = "whole", turn_rad: float = 0.0, side_px: float = 60.0
 ) -> np.ndarray:
     """Return what is held back of a steady motion, so much an image, at a step of so much of the contrast."""
     pull = CoderPull()

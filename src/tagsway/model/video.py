@@ -19,14 +19,14 @@ class Coding:
     Parameters
     ----------
     family : str
-        "coarse": moves blocks by whole or half pixels only, and leaves the rest of each motion to its corrections.
+        "whole", "half": moves blocks by whole or half pixels only, and leaves each motion's rest to its corrections.
         "h264", "hevc", "vp9": finer vectors. "hevc_coarse": x265's with "subme=0". "other" where it is none of these.
     step : float
         Change, in grey levels, below which it corrects nothing: its quantiser's step. NaN where that is not known; 0
         where nothing is lost.
     """
 
-    family: Literal["coarse", "h264", "hevc", "hevc_coarse", "vp9", "other"] = "other"
+    family: Literal["whole", "half", "h264", "hevc", "hevc_coarse", "vp9", "other"] = "other"
     step: float = math.nan
 
 

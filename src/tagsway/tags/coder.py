@@ -16,7 +16,6 @@ _STEP, _STEP_SMALLER = 0.125, -0.45  # of the contrast: a quantiser's step of 20
 _ANGLE_TOGETHER = 2.5  # variance of the angle that all blocks share, over what their differences show
 _LAG, _LAG_ANGLE = 0.55, 0.4  # px, and px at an edge, to a coarse coder's step that is as large as the contrast
 _CREEP_PX = 0.07  # an image: slower, and noise corrects the lag meanwhile
-_LAG_FAST = 0.1  # power of the squared speed
 _FROZEN = 2.0  # what blocks have apart, of an image that was coded by itself
 _SPEED_MEMORY = 4  # images
 _REST_MEMORY = 40  # images: after so many at rest a coder has corrected what it left
@@ -27,7 +26,7 @@ _NO_WAY = 4.0  # variances of the place: by so much it seems to have moved at re
 class _Law:
     """How much of a tag's place a family of coders holds back, in px: at even blocks, and at a step of `_STEP`."""
 
-    apart_px: float
+    apart_px: float = 0.89
     power: float = 0.73  # of what blocks have apart, in the variance of what they have in common
     step_px: float = 0.0
     step_power: float = 0.0
@@ -35,14 +34,14 @@ class _Law:
 
 
 _LAWS = {
-    "h264": _Law(apart_px=0.89, step_px=0.0241, step_power=1.25),
-    "hevc": _Law(
-        apart_px=2.15, power=0.85
-    ),  # its loop filter and its large blocks leave more than their differences show
+    "h264": _Law(step_px=0.0241, step_power=1.25),
+    "hevc": _Law(apart_px=2.15, power=0.85),  # its loop filter and large blocks leave more than their differences show
     "hevc_coarse": _Law(apart_px=2.72, power=0.85),
     "vp9": _Law(apart_px=1.18, step_px=0.027, step_power=3.0, fast_power=0.45),
+    "other": _Law(),
 }
-_USUAL = _Law(apart_px=0.89)
+_LAG_FAST = {"whole": 0.05, "half": 0.25}  # powers of the squared speed: vectors of half pixels can follow a fast tag
+_LONGEST_LAG_PX = {"whole": 0.2, "half": 0.1}  # ... and then vectors follow even a slow one
 
 
 class CoderPull:
@@ -64,7 +63,7 @@ class CoderPull:
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
     motion to the corrections, and none is made that is smaller than its quantiser's step: all blocks lag behind alike,
-    and nothing shows it. The lag is 0.55 px times Δ over the contrast, whatever the tag's size and speed, but less for
+    and nothing shows it. The lag is 0.55 px times Δ over the contrast, whatever the tag's size, but less for
     what creeps by less than 0.07 px an image (noise corrects it meanwhile) and for a tag that turns, whose blocks lag
     each by another bit.
 
@@ -130,8 +129,8 @@ class CoderPull:
             return scatter
         self._move((float(place[0]), float(place[1]), float(place[2])), predicted=predicted)
         step = coding.step / gain
-        if coding.family == "coarse":
-            held, ways = self._measure_lag(step, side_px), self._lately
+        if coding.family in _LAG_FAST:
+            held, ways = self._measure_lag(coding.family, step, side_px), self._lately
         else:
             held, ways = self._measure_common(coding.family, step, side_px, white, uneven), self._since_image
         reached = [max(way.square - _NO_WAY * even, 0.0) for way, even in zip(ways, blocks, strict=True)]
@@ -149,7 +148,7 @@ class CoderPull:
         self, family: str, step: float, side_px: float, white: Sequence[float], uneven: Sequence[float]
     ) -> list[float]:
         """Return the variances of x and y that all blocks share, and none of the angle."""
-        law = _LAWS.get(family, _USUAL)
+        law = _LAWS[family]
         size = side_px / _SIZE_PX
         told = law.step_px**2 * (step / _STEP) ** law.step_power * size**_STEP_SMALLER if law.step_px > 0 else math.nan
         moved = 1 + (self._squares[0] + self._squares[1]) / _SLOW_PX**2
@@ -163,12 +162,13 @@ class CoderPull:
             common[axis] = torn * share * (seen if math.isnan(told) else math.sqrt(seen * told))
         return common
 
-    def _measure_lag(self, step: float, side_px: float) -> list[float]:
+    def _measure_lag(self, family: str, step: float, side_px: float) -> list[float]:
         """Return the variances of x, y and angle by which a coder that moves blocks coarsely lags behind."""
         turn_px2 = self._turn_px2(side_px)
-        whole = (_LAG * step) ** 2 * self._fast() ** -_LAG_FAST / (1 + turn_px2 / _TURNED_PX**2)
+        longest = min(_LAG * step, _LONGEST_LAG_PX[family]) if step > 0 else 0.0
+        whole = longest**2 * self._fast() ** -_LAG_FAST[family] / (1 + turn_px2 / _TURNED_PX**2)
         along = [whole * min(math.sqrt(self._squares[axis]) / _CREEP_PX, 1.0) for axis in range(2)]
-        return [*along, (_LAG_ANGLE * step / (side_px / 2)) ** 2 * min(math.sqrt(turn_px2) / _CREEP_PX, 1.0)]
+        return [*along, (_LAG_ANGLE / _LAG * longest / (side_px / 2)) ** 2 * min(math.sqrt(turn_px2) / _CREEP_PX, 1.0)]
 
     def _fast(self) -> float:
         return 1 + (self._speed_px / _SLOW_PX) ** 2

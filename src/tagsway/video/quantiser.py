@@ -17,10 +17,10 @@ _X264 = re.compile(rb"x264 - core .{0,600}subme=([01]) ", re.DOTALL)
 _X265 = re.compile(rb"x265 \(build .{0,1600}subme=0 ", re.DOTALL)
 # How much of a step is held back, over x264's: what MPEG-1 and 2 code at all they put into the middle of the step,
 # hence nearer to the truth.
-_HALF_PIXELS = {"mpeg1video": 0.45, "mpeg2video": 0.45} | dict.fromkeys(
-    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.12
+_HALF_PIXELS = {"mpeg1video": 0.54, "mpeg2video": 0.54} | dict.fromkeys(
+    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.35
 )
-_SUPERFAST = 1.9
+_SUPERFAST = 2.2
 _FIRST_STEP = 0.625  # of H.264, at quantiser 0; it doubles every six
 # Of VP9: the step of the coefficients by index, in eighths; it grows ever faster.
 _INDICES = (0, 1, 95, 120, 137, 150, 180, 215, 255)
@@ -50,13 +50,13 @@ def find_coder(codec: str, start: bytes) -> tuple[Coding, float]:
         known = _X264.search(start)
         whole = known is not None and known[1] == b"0"
         share = _SUPERFAST if known is not None and not whole else 1.0
-        return Coding(family="coarse" if whole else "h264"), share
+        return Coding(family="whole" if whole else "h264"), share
     if codec == "hevc":
         return Coding(family="hevc_coarse" if _X265.search(start) else "hevc"), 0.0
     if codec.endswith("vp9"):
         return Coding(family="vp9"), 1.0 if codec == "vp9" else 0.0
     share = _HALF_PIXELS.get(codec, 0.0)
-    return (Coding(family="coarse"), share) if share else (UNKNOWN_CODING, 0.0)
+    return (Coding(family="half"), share) if share else (UNKNOWN_CODING, 0.0)
 
 
 def read_step(picture: Any, codec: str) -> float | None:
