@@ -137,6 +137,7 @@ def compare_codecs(side: float, frames: int, only: str) -> None:
     bound = bound_centre(make_pose((150.3, 150.2), side, 0.1), (300, 300), NOISE)
     print(f"\nside {side:.0f} px: RMS / bound, normalised variance")
     print(f"{'':18s}" + "".join(f"{name:>16s}" for name in PLACES))
+    moving: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, encoder, suffix, options, quantiser in CODECS:
             if only not in name:
@@ -155,6 +156,14 @@ def compare_codecs(side: float, frames: int, only: str) -> None:
             print(
                 f"{name:18s}" + "".join(f"{math.sqrt(one) / bound:10.2f}{two:6.2f}" for one, two in means), flush=True
             )
+            moving += [float(two) for _, two in means[:MOVING]]
+    if moving:
+        share = np.mean([0.8 <= one <= 1.2 for one in moving])
+        print(
+            f"moving tags: median {np.median(moving):.2f}, {min(moving):.2f} to {max(moving):.2f}, "
+            f"{share:.0%} between 0.8 and 1.2, {np.mean(np.array(moving) > 1.4):.0%} above 1.4",
+            flush=True,
+        )
 
 
 def compare_accuracy(repeats: int) -> None:

@@ -226,7 +226,7 @@ def test_errors_are_honest_in_each_family_of_coders(
     found = measure_honesty(tmp_path / "clip.mkv", *drawn, encoder, quality)
     # statistics: a moving tag's error is some six independent ones, so 30 % for the mean of four
     assert 0.5 < np.mean(found[:-1]) < 1.6, found
-    assert found[-1] < 4  # one error for the whole film
+    assert found[-1] < 10  # statistics: at rest there is one error for the whole film, of x and y
 
 
 def test_a_coder_that_loses_nothing_leaves_little_beside_the_image(tmp_path: Path) -> None:

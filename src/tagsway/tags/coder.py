@@ -63,17 +63,19 @@ class CoderPull:
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
     motion to the corrections, and none is made that is smaller than its quantiser's step: all blocks lag behind alike,
-    and nothing shows it. The lag is 0.55 px times Δ over the contrast, whatever the tag's size, but less for
-    what creeps by less than 0.07 px an image (noise corrects it meanwhile) and for a tag that turns, whose blocks lag
-    each by another bit.
+    and nothing shows it. The lag is 0.55 px times Δ over the contrast, 0.2 px at the most (0.1 with half pixels),
+    whatever the tag's size, but less for what creeps by less than 0.07 px an image (noise corrects it meanwhile) and
+    for a tag that turns, whose blocks lag each by another bit.
 
     All of that holds for each axis by its own motion: one that does not move is not held back, and the error cannot
     exceed the way since the last image that was coded by itself (for a coarse coder, which holds a tag before that
     already: the way of late). It is mended while the tag rests. What goes beyond it for some images, `Scatter` sees.
 
-    The constants are from rendered films of 20 to 90 px (H.264 from "superfast" to "slow" at crf 12 to 28, HEVC, VP9,
-    MPEG-4 Part 2) and were held against others: benchmarks/accuracy.py. HEVC's quantiser is not told, and its
-    bursts of error are stated too small now and then.
+    The constants are from rendered films of 20 to 90 px (H.264 from "ultrafast" to "slow" at crf 12 to 28, HEVC, VP9,
+    MPEG-4 Part 2) and were held against others: benchmarks/accuracy.py. There the normalised variance of a moving tag
+    is 0.3 to 1.9, two in three between 0.7 and 1.2. Too small is the variance where a large tag creeps in x264's
+    "superfast" and "ultrafast", and in HEVC's bursts of error, whose quantiser is not told; too large for steady creep
+    in x264's slower presets, and in MPEG-4 for a large tag that turns.
 
     Where each image was coded by itself the blocks show all, unless it was taken from a film that was not: then the
     scatter counts.
