@@ -55,11 +55,11 @@ class CoderPull:
     share their vectors, so most of that error is common to all of a tag, where no residual of the image shows it.
 
     What tells it is, first, how the blocks differ: the variance of the place from the residual's sums over blocks
-    exceeds the one of white noise, w, by u; the common variance goes with (u + √(u w))^0.73, for
-    HEVC^0.85. Second, the quantiser's
-    step Δ over the contrast, where the decoder tells it: with Δ^1.25 for H.264 (a vector's quarter pixels set a limit),
-    with Δ³ for VP9 (noise helps what is just below the step). The geometric mean of both counts, for each fails where
-    the other does not: noise hides how the blocks of a small tag differ, and a coder's presets use a step unlike.
+    exceeds the one of white noise, w, by u; the common variance goes with u + √(u w) to the power of 0.73, of 0.85 for
+    HEVC. Second, the quantiser's step Δ over the contrast, where the decoder tells it: with Δ^1.25 for H.264 (a
+    vector's quarter pixels set a limit), with Δ³ for VP9 (noise helps what is just below the step). The geometric mean
+    of both counts, for each fails where the other does not: noise hides how the blocks of a small tag differ, and a
+    coder's presets use a step unlike.
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
     motion to the corrections, and none is made that is smaller than its quantiser's step: all blocks lag behind alike,
