@@ -89,6 +89,27 @@ def test_a_spring_that_stiffens_widens_the_interval_of_a_small_swings_frequency(
     assert at_swing.std < 0.5 * found.std
 
 
+def test_a_long_record_that_hardly_decays_keeps_its_frequency() -> None:
+    natural_hz, radius, length_s, zeta = 2.5, 0.06, 40.0, 1e-4
+    omega, gravity = 2 * np.pi * natural_hz, 9.81 / radius
+
+    def accelerate(_: float, state: np.ndarray) -> list[float]:
+        q, rate = state
+        return [rate, -2 * zeta * omega * rate - (omega**2 - gravity) * q - gravity * np.sin(q)]
+
+    time = np.arange(0, length_s, 1 / 60)
+    angle = solve_ivp(accelerate, (0, length_s), [0.5, 0.0], t_eval=time, rtol=1e-9, atol=1e-10).y[0]
+    path = radius * np.column_stack([np.sin(angle), -np.cos(angle)])
+    track = make_track(time, path, noise_m=5e-5, rng=np.random.default_rng(16))
+    fit = identify_modes(track, Window(start_s=0.0, end_s=float(time[-1])))
+    found = fit.estimate.natural_frequency_hz
+    assert "softening_contradicts_arc" not in [notice.code for notice in fit.notices]
+    assert found is not None
+    # statistics: its own errors, which hold that of a softening of 1 %
+    assert abs(found.value - natural_hz) < 3 * found.std
+    assert found.std < 1.5e-3 * natural_hz
+
+
 def test_a_sway_that_every_second_picture_shows_a_little_smaller_has_one_mode() -> None:
     rate_hz, natural_hz = 120.0, 2.5
     time, rng = np.arange(440) / rate_hz, np.random.default_rng(14)

@@ -6,7 +6,20 @@ import numpy as np
 
 from tagsway.errors import NotIdentifiableError
 from tagsway.modal.blocks import average_blocks, drop_stop, first_omega
-from tagsway.modal.decay import COSINE, OMEGA, PLACES, SINE, SOFTENING, SQUARE, Terms
+from tagsway.modal.decay import (
+    ALPHA,
+    COSINE,
+    DRAG,
+    FRICTION,
+    OMEGA,
+    PLACES,
+    SINE,
+    SOFTENING,
+    SQUARE,
+    Terms,
+    envelope,
+    slowed_by,
+)
 from tagsway.modal.delta import sees
 from tagsway.modal.least_squares import DecayFit, Samples, Softening, fit_decay
 from tagsway.modal.modes import choose_modes
@@ -193,9 +206,18 @@ def _fit_all(samples: Samples, fit: DecayFit, prior: Softening | None) -> tuple[
 
 def _hold_softening(samples: Samples, first: DecayFit, prior: Softening) -> DecayFit:
     """Return the fit with a softening held: one that is not the arc's is no pendulum's to extrapolate with."""
-    p = first.parameters.copy()
-    p[SOFTENING] = prior.mean
+    p = _change_softening(samples, first, prior.mean)
     return choose_modes(samples, fit_decay(samples, p, first.terms, scale=first.scale, prior=prior), prior=prior)
+
+
+def _change_softening(samples: Samples, fit: DecayFit, softening: float) -> FloatArray:
+    """Return a fit's parameters with another softening, at the frequency that was seen: a long record counts cycles."""
+    p = fit.parameters.copy()
+    square = float(np.mean(envelope(samples.time_s, *p[[ALPHA, DRAG, FRICTION]])[0] ** 2))
+    seen = p[OMEGA] * (1 - slowed_by(p, fit.terms, square)[0])
+    p[SOFTENING] = softening
+    p[OMEGA] = seen / (1 - slowed_by(p, replace(fit.terms, softening=True), square)[0])
+    return p
 
 
 def _try_arc(samples: Samples, fit: DecayFit) -> DecayFit:
@@ -217,8 +239,7 @@ def _fit_first(
         return fit, None
     for _ in range(ROUNDS):
         prior = _find_softening(sway, fit, in_metres=in_metres)
-        first = fit.parameters.copy()
-        first[SOFTENING] = first[SOFTENING] or prior.mean
+        first = _change_softening(samples, fit, float(fit.parameters[SOFTENING]) or prior.mean)
         fit = fit_decay(samples, first, replace(fit.terms, softening=True), scale=fit.scale, prior=prior)
     return fit, prior
 
