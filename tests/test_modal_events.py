@@ -126,6 +126,28 @@ def test_a_tag_that_is_not_seen_any_more_is_lost_not_peeled_off() -> None:
     assert only(find_events(track), "product_lost").time_s.value == pytest.approx(2.0, abs=FRAME_S)
 
 
+@pytest.mark.parametrize("dragged_m", [0.0, 6e-4])
+@pytest.mark.parametrize(
+    ("body", "acceleration", "at_s"), [(BAG, 20.0, 1.18), (BAG, 20.0, 1.22), (FLEXIBLE, 10.0, 0.82), (STIFF, 20.0, 0.74)]
+)
+def test_a_tag_that_a_hand_covers_in_a_large_swing_is_lost(body, acceleration, at_s, dragged_m) -> None:
+    # for a moment its acceleration is nearly gravity's; what is seen last may be drawn towards the hand
+    track = record(body, pick_and_place(acceleration), seed=3, decay_s=2.0).track
+    position, gone = track.pcp.position.copy(), int(np.searchsorted(track.time_s, at_s))
+    position[gone - 4 : gone] += dragged_m * np.array([[0.1], [0.25], [0.5], [1.0]]) * [0.5, -0.86]
+    position[gone:] = np.nan
+    only(find_events(replace(track, pcp=replace(track.pcp, position=position))), "product_lost")
+
+
+def test_who_covers_the_tag_in_the_move_is_not_told_to_hold_the_product_better() -> None:
+    scene = record(FLEXIBLE, pick_and_place(5.0), seed=3, decay_s=3.0).track
+    position = np.where((scene.time_s > 0.6)[:, None], np.nan, scene.pcp.position)
+    track = replace(scene, pcp=replace(scene.pcp, position=position))
+    with pytest.raises(NotIdentifiableError, match="hands off its tag") as caught:
+        find_window(track, clean_track(track), events=find_events(track))
+    assert caught.value.code == "product_lost"
+
+
 def sound(seed: int) -> Track:
     """A decay in which nothing happens, with all that may feign it."""
     rng = np.random.default_rng(seed)

@@ -25,6 +25,9 @@ FALL_TOLERANCE_M_S2 = 1.5
 LEFT_STD = 6.0
 """Standard errors of its noise by which a product's distance from the tool must grow."""
 
+OFF_STD = 8.0
+"""The same of one that is lost while it falls: 25 ms of a fall make 11 and more at 0.05 mm, a hand's drag up to 6."""
+
 LEAST_GROWTH = 0.03
 """Share of the distance from the pivot by which it must have grown, whenever the product is seen after a peel-off."""
 
@@ -86,9 +89,10 @@ def find_events(track: Track) -> tuple[Event, ...]:
     A product that peels off does two things at once: its acceleration becomes gravity's, and its distance from the tool
     grows, to the last time that it is seen. The first alone is also true of a tool that moves down, the second of a
     jump of the tag or of a slip. Without a scale a fall shows as a distance that doubles while the product goes down.
-    One that is lost while it falls need not have left its arc yet. The instant is the one from which on a fall fits
-    best, after a motion of even jerk; without a scale, where the distance begins to grow. Where the tool itself goes
-    down as fast as it would fall, a product that it holds and one that it lost move alike: the begin of that is given.
+    One that is lost while it falls has only begun to leave its arc; a tag that is covered is still on it. The instant
+    is the one from which on a fall fits best, after a motion of even jerk; without a scale, where the distance begins
+    to grow. Where the tool itself goes down as fast as it would fall, a product that it holds and one that it lost
+    move alike: the begin of that is given.
     """
     seen = _look(track)
     if seen is None:
@@ -170,7 +174,7 @@ def _find_fall(seen: _Sightings, *, lost: bool) -> Estimate | None:
             continue
         start = parting.time_s.value
         soon_over = lost and float(seen.time_s[-1]) - start < LOST_S
-        gone = soon_over and _falls_from(seen, float(seen.time_s[last - FEWEST]))
+        gone = soon_over and _falls_from(seen, float(seen.time_s[last - FEWEST])) and _leaves_arc(seen, start)
         if _falls_from(seen, start) and (gone or _stays_away(seen, start)):
             found = parting.time_s
             near = distance[np.abs(seen.time_s - start) < 3 * step]
@@ -185,6 +189,20 @@ def _stays_away(seen: _Sightings, start_s: float) -> bool:
     if not len(after):
         after = distance[seen.time_s > start_s][-2:]
     return bool(np.mean(after > (1 + LEAST_GROWTH) * np.median(before) + LEFT_STD * seen.noise) > 0.9)
+
+
+def _leaves_arc(seen: _Sightings, start_s: float) -> bool:
+    """Return whether its distance from the pivot, as it was last seen, is off the line on which it had been going.
+
+    What a hand covers is still on its arc, whose acceleration may be gravity's for a moment.
+    """
+    distance = np.hypot(*(seen.relative - _find_pivot(seen, start_s)).T)
+    held = int(np.searchsorted(seen.time_s, start_s, side="right"))
+    before = slice(min(int(np.searchsorted(seen.time_s, start_s - BEFORE_S)), max(held - FEWEST, 0)), held)
+    if not held >= FEWEST or not len(seen.time_s) - held >= 2:
+        return False
+    line = np.polynomial.Polynomial.fit(seen.time_s[before], distance[before], 1)
+    return bool(abs(np.mean((distance - line(seen.time_s))[-2:])) > OFF_STD * seen.noise)
 
 
 def _falls_from(seen: _Sightings, start_s: float) -> bool:

@@ -32,6 +32,12 @@ VISIBLE = 8.0
 LARGEST_RAD = 1.3
 """Swing of a recorded angle up to which a decay is sought: beyond, the expansion of its frequency leaves its ground."""
 
+REMEDIES = {
+    "peel_off": "move it more gently, or hold it better",
+    "product_lost": "keep it in the picture, and hands off its tag, until it has swung out",
+}
+"""What is to be done about an event that ends a grip too soon."""
+
 MOST_SAMPLES = 6000
 """In which a swing that has no visible extremes is looked for."""
 
@@ -126,8 +132,7 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
             failed.append((rest, str(error)))
     if not found and parted is not None:
         raise NotIdentifiableError(
-            f"nothing swings freely before {parted.time_s.value:.2f} s, where {parted.words}: move it more gently, or "
-            "hold it better",
+            f"nothing swings freely before {parted.time_s.value:.2f} s, where {parted.words}: {REMEDIES[parted.kind]}",
             code=parted.kind,
         )
     if not found:
