@@ -110,6 +110,23 @@ def test_a_long_record_that_hardly_decays_keeps_its_frequency() -> None:
     assert found.std < 1.5e-3 * natural_hz
 
 
+def test_a_tool_that_creeps_evenly_pushes_nothing() -> None:
+    time, rng = np.arange(360) / 120.0, np.random.default_rng(17)
+    sway = 0.02 * np.exp(-0.08 * time) * np.cos(2 * np.pi * 2.5 * time)
+    still = make_track(time, np.column_stack([sway, 0 * sway]), noise_m=5e-5, rng=rng)
+    assert still.tcp is not None
+    way = np.column_stack([0.01 * time, 0 * time])
+    moved = [replace(tag, position=tag.position + way) for tag in (still.tcp, still.pcp)]
+    window = Window(start_s=0.0, end_s=float(time[-1]))
+    first = identify_modes(still, window).estimate
+    second = identify_modes(replace(still, tcp=moved[0], pcp=moved[1]), window).estimate
+    # identity: by Galilei, the same sway, its error too
+    for name in ("natural_frequency_hz", "damping_ratio"):
+        one, other = getattr(first, name), getattr(second, name)
+        assert other.value == pytest.approx(one.value, rel=1e-6)
+        assert other.std == pytest.approx(one.std, rel=1e-3)
+
+
 def test_a_sway_that_every_second_picture_shows_a_little_smaller_has_one_mode() -> None:
     rate_hz, natural_hz = 120.0, 2.5
     time, rng = np.arange(440) / rate_hz, np.random.default_rng(14)

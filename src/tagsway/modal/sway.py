@@ -232,13 +232,17 @@ def _find_places(track: Track, window: Window | None) -> _Places:
 
 
 def _find_drive(track: Track, kept: IntArray, direction: FloatArray) -> tuple[FloatArray | None, float]:
-    """Return how the tool moves along the axis and its noise; None where it rests or is not seen."""
+    """Return how the tool moves along the axis and its noise; None where it rests, creeps evenly or is not seen.
+
+    Without its straight line: what moves evenly pushes nothing, and its noise would pass for a push.
+    """
     if track.tcp is None:
         return None, 0.0
     drive = track.tcp.position[kept] @ direction
     if len(drive) < 8 or not np.all(np.isfinite(drive)):
         return None, 0.0
-    drive = remove_spikes(drive - np.median(drive))
+    drive, time = remove_spikes(drive - np.median(drive)), track.time_s[kept]
+    drive = drive - np.polynomial.Polynomial.fit(time, drive, 1)(time)
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(drive, 3)))) / float(np.sqrt(20))
     return (drive, noise) if float(np.std(drive)) > DRIVEN * noise else (None, 0.0)
 
