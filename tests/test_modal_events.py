@@ -128,7 +128,8 @@ def test_a_tag_that_is_not_seen_any_more_is_lost_not_peeled_off() -> None:
 
 @pytest.mark.parametrize("dragged_m", [0.0, 6e-4])
 @pytest.mark.parametrize(
-    ("body", "acceleration", "at_s"), [(BAG, 20.0, 1.18), (BAG, 20.0, 1.22), (FLEXIBLE, 10.0, 0.82), (STIFF, 20.0, 0.74)]
+    ("body", "acceleration", "at_s"),
+    [(BAG, 20.0, 1.18), (BAG, 20.0, 1.22), (FLEXIBLE, 10.0, 0.82), (STIFF, 20.0, 0.74)],
 )
 def test_a_tag_that_a_hand_covers_in_a_large_swing_is_lost(body, acceleration, at_s, dragged_m) -> None:
     # for a moment its acceleration is nearly gravity's; what is seen last may be drawn towards the hand

@@ -141,6 +141,35 @@ def test_of_several_decays_the_clearest_is_used_and_the_others_are_named() -> No
     assert [notice.code for notice in found.notices] == ["several_decays"]
 
 
+@pytest.mark.parametrize("apart_hz", [0.05, 0.15])
+def test_a_beat_that_is_seen_whole_is_two_modes(apart_hz: float) -> None:
+    rng, truth = np.random.default_rng(21), (2.5, 2.5 + apart_hz)
+    time = np.arange(0, 1.5 / apart_hz, 1 / 60)
+    one, other = (np.exp(-0.04 * time) * np.cos(2 * np.pi * hz * time + hz) for hz in truth)
+    pcp = np.column_stack([0.012 * one + 0.005 * other, 0 * time])
+    track, clean = make_tracks(time, noisy(pcp, rng), noisy(0 * pcp, rng))
+    window = find_window(track, clean)
+    assert window.end_s - window.start_s > 0.95 * time[-1]
+    modes = identify_modes(track, window).estimate.modes
+    assert len(modes) == 2
+    for mode, hz in zip(modes, truth, strict=True):
+        # statistics: 4 standard errors; a hundredth of Rayleigh's limit
+        assert abs(mode.natural_frequency_hz.value - hz) < 4 * mode.natural_frequency_hz.std
+        assert mode.natural_frequency_hz.std < 0.02 * apart_hz
+
+
+@pytest.mark.parametrize("kept_s", [0.8, 1.4])
+def test_what_swung_before_a_regrip_is_used(kept_s: float) -> None:
+    rng = np.random.default_rng(22)
+    time, pcp = swing(0.3, 4.0)
+    since = np.maximum(time - kept_s, 0)[:, None]
+    held = pcp[np.searchsorted(time, kept_s)] + [0.01, 0.02] * (1 - np.exp(-since / 0.05))
+    pcp = np.where(since > 0, held, pcp)
+    found = find_free_vibration(*make_tracks(time, noisy(pcp, rng), noisy(0 * pcp, rng)))
+    assert found.window.start_s < 0.1
+    assert kept_s - 0.25 < found.window.end_s < kept_s + 0.05
+
+
 @pytest.mark.parametrize("size", [2e-4, 1e-3])
 def test_a_tool_that_rings_after_its_move_leaves_the_decay(size: float) -> None:
     rng = np.random.default_rng(9)

@@ -1,6 +1,7 @@
 """Where a record holds a free vibration."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from tagsway.modal.core import Core, average_over, find_core, top_frequencies
 from tagsway.modal.decay import OMEGA, Terms, predict
 from tagsway.modal.decay import envelope as find_envelope
 from tagsway.modal.least_squares import DecayFit, Samples, extend, fit_decay
+from tagsway.modal.modes import add_modes
 from tagsway.modal.rests import find_rests
 from tagsway.modal.significance import require_oscillation, significance
 from tagsway.modal.start import find_start
@@ -31,6 +33,12 @@ VISIBLE = 8.0
 
 LARGEST_RAD = 1.3
 """Swing of a recorded angle up to which a decay is sought: beyond, the expansion of its frequency leaves its ground."""
+
+REGRIPPED = 0.5
+"""Of the scatter of a product's places, that two places explain where it was held at one after the other."""
+
+LEAST_BESIDE = 16
+"""Samples, of a rest in which a product may have been held at two places."""
 
 REMEDIES = {
     "peel_off": "move it more gently, or hold it better",
@@ -60,8 +68,11 @@ class FreeVibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
+    """`regrip_s` is when the product was taken to another place beside it, if it was."""
+
     window: Window
     score: float
+    regrip_s: float | None = None
 
 
 def find_window(track: Track, clean: CleanTrack, *, events: Sequence[Event] = ()) -> Window:
@@ -126,10 +137,12 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
     for rest in _between_slips(find_rests(track, clean), events):
         if not rest.start_s < last_s:
             continue
+        rest = _after_large_swings(track, replace(rest, end_s=min(rest.end_s, last_s)))
         try:
-            found.append(_find_free(track, _after_large_swings(track, replace(rest, end_s=min(rest.end_s, last_s)))))
+            found.append(_find_free(track, rest))
         except NotIdentifiableError as error:
-            failed.append((rest, str(error)))
+            found += (parts := _find_beside_regrip(track, rest))
+            failed += [] if parts else [(rest, str(error))]
     if not found and parted is not None:
         raise NotIdentifiableError(
             f"nothing swings freely before {parted.time_s.value:.2f} s, where {parted.words}: {REMEDIES[parted.kind]}",
@@ -139,6 +152,28 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
         raise NotIdentifiableError(_why_nothing(failed))
     best = max(found, key=lambda candidate: candidate.score)
     return FreeVibration(window=best.window, notices=_explain(best, found))
+
+
+def _find_beside_regrip(track: Track, rest: Window) -> list[_Candidate]:
+    """Return what swings before and after the product was taken to another place; nothing where it was not."""
+    sway = measure_sway(track, rest, arc=False)
+    place = np.column_stack([sway.along, sway.across])
+    count = np.arange(1, len(place))[:, None]
+    if not len(place) > 2 * LEAST_BESIDE:
+        return []
+    before = np.cumsum(place, axis=0)[:-1]
+    apart = before / count - (np.sum(place, axis=0) - before) / (len(place) - count)
+    explained = np.sum(apart**2, axis=1) * (count * (len(place) - count))[:, 0] / len(place)
+    last = LEAST_BESIDE // 2 + int(np.argmax(explained[LEAST_BESIDE // 2 : -LEAST_BESIDE // 2]))
+    if not explained[last] > REGRIPPED * float(np.sum((place - place.mean(axis=0)) ** 2)):
+        return []
+    found = []
+    for start, end in ((rest.start_s, float(sway.time_s[last])), (float(sway.time_s[last + 1]), rest.end_s)):
+        with suppress(NotIdentifiableError):
+            found.append(
+                replace(_find_free(track, Window(start_s=start, end_s=end)), regrip_s=float(sway.time_s[last]))
+            )
+    return found
 
 
 def _why_nothing(failed: Sequence[tuple[Window, str]]) -> str:
@@ -177,6 +212,18 @@ def _after_large_swings(track: Track, rest: Window) -> Window:
 
 
 def _explain(best: _Candidate, found: Sequence[_Candidate]) -> tuple[Notice, ...]:
+    return (*_explain_regrip(best), *_explain_choice(best, found))
+
+
+def _explain_regrip(best: _Candidate) -> tuple[Notice, ...]:
+    if best.regrip_s is None:
+        return ()
+    side = "before" if best.window.end_s <= best.regrip_s else "after"
+    message = f"the product was taken to another place at about {best.regrip_s:.2f} s: only what swings {side} is used"
+    return (Notice(code="regripped", message=message),)
+
+
+def _explain_choice(best: _Candidate, found: Sequence[_Candidate]) -> tuple[Notice, ...]:
     if len(found) == 1:
         return ()
     message = (
@@ -213,10 +260,10 @@ def _find_free(track: Track, rest: Window) -> _Candidate:
 def _take_around(core: Core, samples: Samples, rest: Window, where: str) -> _Candidate:
     """Take what a decay around a core explains."""
     thin = average_over(samples, core.period_s)
-    start, end, fit = _follow(thin, core)
+    start, end, piece, fit = _follow(thin, core)
     end = float(samples.time_s[-1]) if end >= thin.time_s[-1] else end
     start = float(samples.time_s[0]) if start <= thin.time_s[0] else start
-    require_oscillation(fit, _cut(thin, start, min(end, start + _reach_of(fit))), where=where)
+    fit = _require_swing(fit, piece, where=where)
     window = Window(start_s=rest.start_s + start, end_s=rest.start_s + end)
     return _Candidate(window=window, score=significance(fit))
 
@@ -230,8 +277,24 @@ def _take_whole(samples: Samples, rest: Window, where: str) -> _Candidate:
     fit = _fit(thin)
     if not fit.freedom > 0.5 * len(thin.time_s):
         raise NotIdentifiableError(f"nothing swings {where}: no run of even, decaying swings")
-    require_oscillation(fit, thin, where=where)
+    fit = _require_swing(fit, thin, where=where)
     return _Candidate(window=rest, score=significance(fit))
+
+
+def _require_swing(fit: DecayFit, samples: Samples, *, where: str) -> DecayFit:
+    """Return the fit of a swing that stands out of what it leaves, or of a beat of two that do.
+
+    Over a whole beat, no single decay does: what it leaves is as large as the smaller swing.
+    """
+    try:
+        require_oscillation(fit, samples, where=where)
+    except NotIdentifiableError:
+        beat = add_modes(samples, fit)
+        if not beat.terms.further:
+            raise
+        require_oscillation(beat, samples, where=where)
+        return beat
+    return fit
 
 
 def _cut(samples: Samples, start: float, end: float) -> Samples:
@@ -251,8 +314,8 @@ def _reach_of(fit: DecayFit) -> float:
     return FITTED_PERIODS * 2 * np.pi / float(fit.parameters[OMEGA])
 
 
-def _follow(samples: Samples, core: Core) -> tuple[float, float, DecayFit]:
-    """Follow the decay outwards from its core until the motion leaves it."""
+def _follow(samples: Samples, core: Core) -> tuple[float, float, Samples, DecayFit]:
+    """Follow the decay outwards from its core until the motion leaves it; return both ends, its begin, and its fit."""
     start, end, period = core.start_s, _cut_core(samples, core), core.period_s
     first, last = float(samples.time_s[0]), float(samples.time_s[-1])
     closed_low = closed_high = False
@@ -274,7 +337,8 @@ def _follow(samples: Samples, core: Core) -> tuple[float, float, DecayFit]:
         end, closed_high = (high, high >= last) if not right.size else (float(right[0]) - period / 8, True)
         if closed_low and closed_high:
             break
-    return start, end, _fit(_cut(samples, start, min(end, start + piece)))
+    begun = _cut(samples, start, min(end, start + piece))
+    return start, end, begun, _fit(begun)
 
 
 def _cut_core(samples: Samples, core: Core) -> float:
@@ -298,24 +362,25 @@ def _departures(
     if len(time) == 0 or not high > low:
         return np.empty(0)
     shifted = time - begin
-    value = _predict_around(shifted, fit)
+    value, rows = _predict_around(shifted, fit)
+    unsure = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, fit.bound, rows), 0.0))
     alpha, drag = fit.parameters[1], fit.parameters[6]
     size = float(np.hypot(*fit.parameters[2:4])) * find_envelope(shifted, alpha, drag)[0]
     count = max(3, int(len(time) * (np.pi / 8 / fit.parameters[OMEGA]) / (high - low)))
     count = min(count, len(time))
     residual = np.abs(samples.value[inside] - value)
     # Most of a sixteenth of a period must be away: a spike is not a departure.
-    away = residual > np.maximum(5 * fit.scale * samples.spread[inside], share * size)
+    away = residual > np.maximum(5 * np.hypot(fit.scale * samples.spread[inside], unsure), share * size)
     gone = np.convolve(away, np.ones(count) / count, mode="same")
     return time[gone > 0.6]
 
 
-def _predict_around(time_s: FloatArray, fit: DecayFit) -> FloatArray:
-    """Return the decay at times before and after its start."""
+def _predict_around(time_s: FloatArray, fit: DecayFit) -> tuple[FloatArray, FloatArray]:
+    """Return the decay at times before and after its start, and its derivatives."""
     before = time_s < 0
-    after = predict(time_s[~before], fit.parameters, fit.terms)[0] if np.any(~before) else np.empty(0)
-    back = np.empty(0)
-    if np.any(before):
-        # Before the start, time is negative and so is its integral's sign.
-        back = predict(time_s[before][::-1], fit.parameters, fit.terms)[0][::-1]
-    return np.concatenate([back, after])
+    value, rows = np.empty(len(time_s)), np.empty((len(time_s), len(fit.parameters)))
+    # Before the start, time is negative and so is its integral's sign.
+    for part in (np.flatnonzero(before)[::-1], np.flatnonzero(~before)):
+        if len(part):
+            value[part], rows[part] = predict(time_s[part], fit.parameters, fit.terms)
+    return value, rows
