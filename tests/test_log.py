@@ -115,6 +115,17 @@ def test_a_move_that_repeats_is_ambiguous() -> None:
     assert "log_offset_ambiguous" in {notice.code for notice in aligned.notices}
 
 
+@pytest.mark.parametrize("behind", [False, True])
+def test_one_way_of_a_log_to_and_fro_may_be_the_other_seen_from_behind(behind) -> None:
+    log = a_log()
+    back = path(log.time_s - 2.5) - HOME_M
+    there_and_back = replace(log, values=log.values - back * [1.0, 1.0, -1.0])
+    aligned = align_log(a_track(behind=behind), there_and_back)
+    (notice,) = aligned.notices
+    assert notice.code == "log_offset_ambiguous"
+    assert "to and fro" in notice.message
+
+
 def test_a_wrong_frame_rate_is_told() -> None:
     track = a_track()
     slow = replace(track, time_s=track.time_s * 1.02)

@@ -114,9 +114,10 @@ def align_log(track: Track, log: ControllerLog) -> AlignedLog:
         fit for fit in fits[1:] if fit.rms_m < RIVAL_RMS * best.rms_m and abs(fit.clock[0] - best.clock[0]) > APART_S
     ]
     if rivals:
+        repeats = "repeats itself" if rivals[0].mirror == best.mirror else "goes to and fro, filmed from either side"
         message = (
             f"the video fits the log almost as well {rivals[0].clock[0] - best.clock[0]:+.2f} s away from where it was "
-            "laid: the move repeats itself; cut the log to the filmed one"
+            f"laid: the move {repeats}; cut the log to the filmed one"
         )
         notices.append(Notice(code="log_offset_ambiguous", message=message))
     rate = agreement.rate
