@@ -141,7 +141,8 @@ def find_free_vibration(track: Track, clean: CleanTrack, *, events: Sequence[Eve
         try:
             found.append(_find_free(track, rest))
         except NotIdentifiableError as error:
-            found += (parts := _find_beside_regrip(track, rest))
+            parts = _find_beside_regrip(track, rest)
+            found += parts
             failed += [] if parts else [(rest, str(error))]
     if not found and parted is not None:
         raise NotIdentifiableError(
