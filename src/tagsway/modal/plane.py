@@ -116,6 +116,11 @@ def fit_plane(sway: Sway, time_s: FloatArray, *, in_metres: bool, held: bool = F
             samples, fit = _fit_all(every, fit, prior)
             break
         samples, fit, prior = fit_sway(sway, every, in_metres=in_metres, held=held)
+    if across is not None and across.seen and fit.terms.further and prior is not None and in_metres:
+        # What beats with a swing across goes along no arc: its softening may be as large as gravity alone makes it.
+        most = 2 * _softening_of_weight(fit, np.inf, in_metres=True).mean
+        prior = replace(prior, doubt=max(most - prior.mean, abs(prior.doubt)))
+        fit = fit_decay(samples, fit.parameters, fit.terms, scale=fit.scale, prior=prior)
     return PlaneFit(sway=sway, every=every, samples=samples, fit=fit, prior=prior, across=across)
 
 
