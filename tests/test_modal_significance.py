@@ -127,6 +127,28 @@ def test_a_tool_that_creeps_evenly_pushes_nothing() -> None:
         assert other.std == pytest.approx(one.std, rel=1e-3)
 
 
+def test_a_beat_with_a_sway_across_is_unsure_of_its_softening() -> None:
+    radius, gravity, natural = 0.06, 9.81 / 0.06, 2 * np.pi * np.array([2.5, 2.65])
+
+    def accelerate(_: float, state: np.ndarray) -> np.ndarray:
+        place, rate = state[:2], state[2:]
+        lean = np.hypot(*place) + 1e-12
+        pull = (natural**2 - gravity) * place + gravity * np.sin(lean) / lean * place
+        return np.concatenate([rate, -0.006 * natural * rate - pull])
+
+    time = np.arange(0, 9, 1 / 60)
+    u, v = solve_ivp(accelerate, (0, 9), [0.1, 0.05, 0, 0], t_eval=time, rtol=1e-9, atol=1e-11).y[:2]
+    lean = np.hypot(u, v) + 1e-12
+    seen = np.sin(lean) / lean * (np.cos(0.5) * u + np.sin(0.5) * v)
+    path = radius * np.column_stack([seen, -np.cos(lean)])
+    track = make_track(time, path, noise_m=5e-5, rng=np.random.default_rng(18))
+    found = identify_modes(track, Window(start_s=0.0, end_s=float(time[-1]))).estimate.natural_frequency_hz
+    assert found is not None
+    # statistics: 3 standard errors
+    assert abs(found.value - 2.5) < 3 * found.std
+    assert found.std < 0.01
+
+
 def test_a_sway_that_every_second_picture_shows_a_little_smaller_has_one_mode() -> None:
     rate_hz, natural_hz = 120.0, 2.5
     time, rng = np.arange(440) / rate_hz, np.random.default_rng(14)
