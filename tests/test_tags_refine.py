@@ -23,8 +23,10 @@ def template_for(side: float, family: str = "tag36h11") -> Template:
     return make_template(family, 0, scale_px=side / 2, blur_px=0.55)
 
 
-def interpolate(texture: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    return map_coordinates(texture, (rows, columns), order=1, mode="nearest")
+def weigh_three(off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of three texels in the parabola through them, and in its slope; shape (3, n)."""
+    weights = np.stack([off * (off - 1) / 2, 1 - off**2, off * (off + 1) / 2])
+    return weights, np.stack([off - 0.5, -2 * off, off + 0.5])
 
 
 def see_plainly(
@@ -42,13 +44,15 @@ def see_plainly(
     u, v = place[:2] / place[2]
     last = len(template.texture) - 1
     inside = (u >= 0) & (v >= 0) & (u <= last) & (v <= last)
-    column, row = np.clip(np.floor(u), 0, last - 1), np.clip(np.floor(v), 0, last - 1)
     texture = template.texture.astype(float)
     printed = template.printed.astype(float) if template.printed.size else np.ones_like(texture)
-    pattern = interpolate(texture, v, u)
-    across = interpolate(texture, v, column + 1) - interpolate(texture, v, column)
-    down = interpolate(texture, row + 1, u) - interpolate(texture, row, u)
-    weight = interpolate(printed, v, u) * inside
+    u, v = (np.clip(place, 0.5, last - 0.5) for place in (u, v))  # so that three texels lie around
+    weight = map_coordinates(printed, (v, u), order=1, mode="nearest") * inside
+    column, row = (np.clip(np.rint(place), 1, last - 1).astype(int) for place in (u, v))
+    (by_u, slope_u), (by_v, slope_v) = weigh_three(u - column), weigh_three(v - row)
+    near = np.array([[texture[row + down, column + right] for right in (-1, 0, 1)] for down in (-1, 0, 1)])
+    pattern = np.einsum("ik,jk,ijk->k", by_v, by_u, near)
+    across, down = np.einsum("ik,jk,ijk->k", by_v, slope_u, near), np.einsum("ik,jk,ijk->k", slope_v, by_u, near)
     (to_column, _, _), (_, to_row, _), _ = template.texture_grid
     seen = np.stack([to_column * across, to_row * down, pattern, np.ones_like(u)]) * weight
     seen = seen.reshape(4, *rows.shape)

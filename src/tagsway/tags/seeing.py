@@ -18,7 +18,7 @@ weight; the image times that; how far right of and below the tag's centre the pi
 _SMALLEST_REGION_PX = 10
 _MIDDLE_GREY = np.float32(128)  # taken off, so that sums of squares keep their digits
 _ROWS_AT_ONCE = 8  # that are smeared
-_ZERO, _ONE = np.float32(0), np.float32(1)
+_ZERO, _HALF, _ONE = np.float32(0), np.float32(0.5), np.float32(1)
 
 
 @compile_part
@@ -100,38 +100,52 @@ def _place_row(view, row, first, count, texels, at, right, down):
     u_first = np.float32(view[0, 0] * first + view[0, 1] * row + view[0, 2])
     v_first = np.float32(view[1, 0] * first + view[1, 1] * row + view[1, 2])
     depth_first = np.float32(view[2, 0] * first + view[2, 1] * row + view[2, 2])
-    last = np.float32(texels - 1.001)
+    last = np.float32(texels - 1.501)
     for k in range(count):
         j = np.float32(k)
         near = _ONE / (c * j + depth_first)
         u, v = (a * j + u_first) * near, (b * j + v_first) * near
-        u, v = u if u > _ZERO else _ZERO, v if v > _ZERO else _ZERO  # not max: this way it cannot be NaN
+        u, v = u if u > _HALF else _HALF, v if v > _HALF else _HALF  # not max: this way it cannot be NaN
         u, v = u if u < last else last, v if v < last else last
-        column, line = np.int32(u), np.int32(v)
+        column, line = np.int32(u + _HALF), np.int32(v + _HALF)
         at[k] = line * texels + column
         right[k], down[k] = u - np.float32(column), v - np.float32(line)
 
 
 @compile_part
 def _interpolate_row(texture, stride, at, right, down, by_column, by_row, pattern):
-    """Interpolate the pattern, and take the derivatives of what is interpolated."""
+    """Interpolate the pattern by the parabolas through the nearest 3 x 3 texels, and take their derivatives."""
     one = np.uint64(1)
     for k in range(len(pattern)):
         here, u, v = np.uint64(at[k]), right[k], down[k]
-        a, b, c, d = texture[here], texture[here + one], texture[here + stride], texture[here + stride + one]
-        upper, lower = b - a, d - c
-        left, across = c - a, lower - upper
-        pattern[k] = a + u * upper + v * (left + u * across)
-        by_column[k] = upper + v * across
-        by_row[k] = left + u * across
+        above, below = here - stride, here + stride
+        a, b, c = texture[above - one], texture[above], texture[above + one]
+        d, e, f = texture[here - one], texture[here], texture[here + one]
+        g, h, i = texture[below - one], texture[below], texture[below + one]
+        bend_1, bend_2, bend_3 = a - b + (c - b), d - e + (f - e), g - h + (i - h)
+        slope_1, slope_2, slope_3 = _HALF * (c - a), _HALF * (f - d), _HALF * (i - g)
+        half = _HALF * u
+        upper = b + u * (slope_1 + half * bend_1)
+        middle = e + u * (slope_2 + half * bend_2)
+        lower = h + u * (slope_3 + half * bend_3)
+        upper_slope, middle_slope, lower_slope = slope_1 + u * bend_1, slope_2 + u * bend_2, slope_3 + u * bend_3
+        slope, bend = _HALF * (lower - upper), upper - middle + (lower - middle)
+        pattern[k] = middle + v * (slope + _HALF * v * bend)
+        by_row[k] = slope + v * bend
+        turn = upper_slope - middle_slope + (lower_slope - middle_slope)
+        by_column[k] = middle_slope + v * _HALF * (lower_slope - upper_slope + v * turn)
 
 
 @compile_part
 def _weigh_row(printed, stride, at, right, down, by_column, by_row, pattern, weight):
-    """Interpolate what is printed, and weigh the others by it."""
+    """Interpolate what is printed, linearly, and weigh the others by it."""
     one = np.uint64(1)
     for k in range(len(weight)):
         here, u, v = np.uint64(at[k]), right[k], down[k]
+        if u < _ZERO:
+            here, u = here - one, u + _ONE
+        if v < _ZERO:
+            here, v = here - stride, v + _ONE
         a, b, c, d = printed[here], printed[here + one], printed[here + stride], printed[here + stride + one]
         upper, lower = a + u * (b - a), c + u * (d - c)
         weight[k] = upper + v * (lower - upper)
