@@ -14,7 +14,6 @@ formulation of `tagsway.dynamics`, and not its integrator: a fit is not to be ju
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,6 +25,7 @@ from scipy.linalg import eig
 from tagsway.errors import InputError
 from tagsway.model import GRAVITY_M_S2, FloatArray, Mode, Trajectory
 from tagsway.scene.model import Scene, Waypoints
+from tagsway.scene.slopes import load_slopes
 from tagsway.trajectories import plan_move
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -91,33 +91,27 @@ def simulate_scene(scene: Scene, time_s: FloatArray | None = None) -> Motion:
     state = np.zeros(4 * bodies)
     state[: 2 * bodies] = [payload.release_angle_rad, payload.sideways_angle_rad] * bodies
     states = np.tile(state, (len(time), 1))
-    equations = _equations(scene)
+    slopes, constants = load_slopes(), _constants(scene)
     end = max(float(time[-1]), start) + 1e-9
     breaks = start + drive.breaks_s
     edges = np.unique(np.append(breaks[breaks < end], end))
     for low, high in pairwise(edges):
         inside = (time > low) & (time <= high)
         piece = int(np.searchsorted(drive.breaks_s, (low + high) / 2 - start, side="right")) - 1
-        path = _solve(equations, _acceleration(drive, piece, start), state, np.union1d([low, high], time[inside]))
+        nodes = np.union1d([low, high], time[inside])
+        path = solve_ivp(
+            slopes,
+            (low, high),
+            state,
+            method="DOP853",
+            t_eval=nodes,
+            rtol=1e-11,
+            atol=1e-12,
+            args=(*_push(drive, piece, start), *constants),
+        ).y.T
         states[inside] = path[1 : np.count_nonzero(inside) + 1]
         state = path[-1]
     return _describe(scene, asked, drive, states[places])
-
-
-def _solve(
-    equations: Callable[[FloatArray, FloatArray], FloatArray],
-    push: Callable[[float], FloatArray],
-    state: FloatArray,
-    time_s: FloatArray,
-) -> FloatArray:
-    """Return the states at these times, shape (n, len(state)), from the first one's on."""
-
-    def slope(time: float, now: FloatArray) -> FloatArray:
-        return equations(now, push(time))
-
-    span = (float(time_s[0]), float(time_s[-1]))
-    solution = solve_ivp(slope, span, state, method="DOP853", t_eval=time_s, rtol=1e-11, atol=1e-12)
-    return np.asarray(solution.y.T, dtype=float)
 
 
 def find_drive(scene: Scene) -> Trajectory:
@@ -168,83 +162,38 @@ def _spline(table: Waypoints) -> Trajectory:
     return Trajectory(breaks_s=time, coefficients=spline.c[::-1].transpose(1, 0, 2).copy())
 
 
-def _acceleration(drive: Trajectory, piece: int, start_s: float) -> Callable[[float], FloatArray]:
-    """Return the tool's acceleration in one piece, also at its very end, where the next piece's already holds."""
+def _push(drive: Trajectory, piece: int, start_s: float) -> tuple[float, FloatArray]:
+    """Return A in one piece, also at its very end, where the next piece's already holds: its begin and its terms."""
     pieces, terms, _ = drive.coefficients.shape
-    if not 0 <= piece < pieces:
-        return lambda time: np.zeros(3)
-    begin = start_s + float(drive.breaks_s[piece])
-    power = np.arange(2, terms)
-    weights = (power * (power - 1))[:, None] * drive.coefficients[piece, 2:]
-
-    def acceleration(time: float) -> FloatArray:
-        value: FloatArray = (time - begin) ** (power - 2) @ weights
-        return value
-
-    return acceleration
+    weights = np.zeros((max(terms - 2, 1), 3))
+    inside = 0 <= piece < pieces
+    if inside:
+        power = np.arange(2, terms)
+        weights[: terms - 2] = (power * (power - 1))[:, None] * drive.coefficients[piece, 2:]
+    weights[0] += GRAVITY_M_S2 * UP
+    return start_s + float(drive.breaks_s[piece]) if inside else 0.0, weights
 
 
-def _equations(scene: Scene) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Return the derivative of (angles, rates) under an acceleration of the pivot; angles are q1, s1, q2, s2."""
+def _constants(scene: Scene) -> tuple[FloatArray, FloatArray, FloatArray, tuple[float, ...]]:
+    """Return inertias, moments, the pivot's springs and what resists, as `load_slopes` takes them."""
     payload, second = scene.payload, scene.second_body
     pendulum, inertia = payload.pendulum(), payload.inertia_kg_m2
-    moment = inertia / payload.length_m
+    coupling, moments = np.array([[inertia]]), np.array([inertia / payload.length_m])
     spring = np.full(2, pendulum.stiffness_over_inertia_rad2_s2 * inertia)
     if payload.sideways_stiffness_n_m_per_rad is not None:
         spring[1] = payload.sideways_stiffness_n_m_per_rad
-    damper = pendulum.damping_over_inertia_rad_s * inertia
-    drag, friction = payload.quadratic_drag_per_rad * inertia, payload.coulomb_friction_rad_s2 * inertia
-
-    def at_pivot(angle: FloatArray, rate: FloatArray) -> FloatArray:
-        speed = math.hypot(rate[0], rate[1])
-        dry = friction * math.tanh(speed / 1e-3) / speed if speed > 0 else 0.0
-        force: FloatArray = -spring * angle - (damper + drag * speed + dry) * rate
-        return force
-
-    def alone(state: FloatArray, push: FloatArray) -> FloatArray:
-        angle, rate = state[:2], state[2:]
-        turn, bend = _direction(angle, rate)
-        weight = push + GRAVITY_M_S2 * UP
-        load = at_pivot(angle, rate) - turn.T @ (inertia * bend + moment * weight)
-        return np.concatenate([rate, np.linalg.solve(inertia * turn.T @ turn, load)])
-
-    if second is None:
-        return alone
-    hinge, mass2 = second.hinge_m, second.mass_kg
-    moment2 = mass2 * (second.centre_of_mass_m or second.length_m)
-    inertia2 = moment2 * second.length_m
-    spring2, damper2 = second.stiffness_n_m_per_rad, second.damping_n_m_s_per_rad
-
-    def both(state: FloatArray, push: FloatArray) -> FloatArray:
-        angle, rate = state[:4], state[4:]
-        (turn1, bend1), (turn2, bend2) = _direction(angle[:2], rate[:2]), _direction(angle[2:], rate[2:])
-        weight = push + GRAVITY_M_S2 * UP
-        at_hinge = -spring2 * (angle[2:] - angle[:2]) - damper2 * (rate[2:] - rate[:2])
-        inertia1 = inertia + mass2 * hinge**2
-        load1 = inertia1 * bend1 + moment2 * hinge * bend2 + (moment + mass2 * hinge) * weight
-        load2 = inertia2 * bend2 + moment2 * hinge * bend1 + moment2 * weight
-        across = moment2 * hinge * turn1.T @ turn2
-        mass = np.block([[inertia1 * turn1.T @ turn1, across], [across.T, inertia2 * turn2.T @ turn2]])
-        load = np.concatenate([at_pivot(angle[:2], rate[:2]) - at_hinge - turn1.T @ load1, at_hinge - turn2.T @ load2])
-        return np.concatenate([rate, np.linalg.solve(mass, load)])
-
-    return both
-
-
-def _direction(angle: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return D = ∂d/∂(q, s), shape (3, 2), and the part of d'' that has no angular acceleration, shape (3,)."""
-    (sq, ss), (cq, cs) = np.sin(angle), np.cos(angle)
-    turn = np.array([[cq * cs, -sq * ss], [0.0, cs], [sq * cs, cq * ss]])
-    second = rate[0] ** 2 + rate[1] ** 2
-    mixed = 2 * rate[0] * rate[1]
-    bend = np.array(
-        [
-            -sq * cs * second - cq * ss * mixed,
-            -ss * rate[1] ** 2,
-            cq * cs * second - sq * ss * mixed,
-        ]
+    resistance = (
+        pendulum.damping_over_inertia_rad_s * inertia,
+        payload.quadratic_drag_per_rad * inertia,
+        payload.coulomb_friction_rad_s2 * inertia,
     )
-    return turn, bend
+    if second is None:
+        return coupling, moments, spring, (*resistance, 0.0, 0.0)
+    moment, hinge = second.mass_kg * (second.centre_of_mass_m or second.length_m), second.hinge_m
+    across = moment * hinge
+    coupling = np.array([[inertia + second.mass_kg * hinge**2, across], [across, moment * second.length_m]])
+    moments = np.array([moments[0] + second.mass_kg * hinge, moment])
+    return coupling, moments, spring, (*resistance, second.stiffness_n_m_per_rad, second.damping_n_m_s_per_rad)
 
 
 def _describe(scene: Scene, time: FloatArray, drive: Trajectory, states: FloatArray) -> Motion:
