@@ -75,12 +75,19 @@ def draw_lens(
 
 
 def film(
-    lens: Lens, rng: np.random.Generator, *, span: float = 0.4, leaving_rad: float = 0.0, noise_px: float = 0.05
+    lens: Lens,
+    rng: np.random.Generator,
+    *,
+    span: float = 0.4,
+    leaving_rad: float = 0.0,
+    noise_px: float = 0.05,
+    stuck_deg: float = 1.0,
 ) -> Sightings:
     """Return a move across a share of the image with a lift, and the product's sway.
 
-    The product lies up to 3 % of the distance behind the tool, or before it, and both tags are stuck on 1° out of the
-    plane. With `leaving_rad` the product also sways out of the plane and yaws, by that amplitude.
+    The product lies up to 3 % of the distance behind the tool, or before it, and both tags are stuck on out of the
+    plane, by an angle about either axis. With `leaving_rad` the product also sways out of the plane and yaws, by that
+    amplitude.
     """
     t = np.arange(600) / RATE_HZ
     share = np.clip((t - 0.2) / 0.8, 0, 1)
@@ -93,7 +100,8 @@ def film(
     behind = rng.uniform(-0.03, 0.03) * lens.distance_m
     arm = rotate(2, -sway) @ rotate(0, nod)
     product = tool + RADIUS_M * arm[:, :, 1] + np.array([0, 0, behind])
-    stuck = [rotate(0, np.radians(rng.normal())) @ rotate(1, np.radians(rng.normal())) for _ in range(2)]
+    askew = np.radians(stuck_deg)
+    stuck = [rotate(0, askew * rng.normal()) @ rotate(1, askew * rng.normal()) for _ in range(2)]
     tags = (
         see(0, lens, tool, np.tile(stuck[0], (len(t), 1, 1)), noise_px=noise_px, rng=rng),
         see(1, lens, product, arm @ rotate(1, yaw) @ stuck[1], noise_px=noise_px, rng=rng),

@@ -72,7 +72,7 @@ def test_radius_and_camera_are_found_within_their_errors() -> None:
 def test_a_frontal_view_returns_the_prior_of_the_focal_length_and_says_so() -> None:
     rng = np.random.default_rng(0)
     lens = Lens(focal_px=1500.0, radial_k1=0.0, axes=np.eye(3), distance_m=0.75)
-    sightings = film(lens, rng)
+    sightings = film(lens, rng, stuck_deg=0.0)  # a tag that is stuck on askew is no frontal view
     view, (notice,) = find_view(sightings, SETTINGS)
     assert view is not None
     assert "assumed" in notice.message

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from example_result import example
-from pendulum_scenes import BAG, FLEXIBLE, MASS_KG, STANDING, Recording, pick_and_place, record
+from pendulum_scenes import BAG, FLEXIBLE, MASS_KG, STANDING, Recording, modal_of, pick_and_place, record
 from tagsway.errors import InputError, NotIdentifiableError
 from tagsway.model import Estimate, Pendulum, Settings, TagTrack
 from tagsway.pendulum import PendulumFit, combine_masses, fit_pendulum
 from tagsway.pendulum.blocks import block_covariance
+from tagsway.pendulum.checks import doubt_by_mode
+from tagsway.pendulum.fit import Solution
+from tagsway.pendulum.model import Unknown
 from tagsway.pipeline.other_mass import read_other_mass
 from tagsway.store.documents import write_result
 
@@ -130,6 +133,10 @@ def _shrunk(tag: TagTrack | None) -> TagTrack:
 
 def test_every_prior_is_printed(moved: PendulumFit) -> None:
     priors = {prior.name: prior.std for prior in moved.estimate.priors}
+    # Noise alone looks like dry friction now and then; its prior is told where it took part.
+    rubbed = moved.estimate.coulomb_friction_rad_s2 is not None
+    assert ("dry_friction" in priors) == rubbed
+    priors.pop("dry_friction", None)
     assert priors == {
         "quadratic_drag": 0.1,
         "scale": 0.003,
@@ -179,8 +186,25 @@ def test_a_release_that_leaves_the_frequency_of_its_decay_is_as_unsure_as_it_is_
     assert lengths[0] is not None
     assert lengths[1] is not None
     assert lengths[1].value == pytest.approx(lengths[0].value, rel=1e-4)  # discretisation: where the fit starts
-    # of 0.4 % in f, 16 of its standard errors, l follows by as much of it as the two err together: 0.6 %
-    assert lengths[1].std > 1.5 * lengths[0].std
+    assert lengths[1].std > lengths[0].std
+
+
+def test_what_follows_the_frequency_is_in_doubt_by_the_gap_to_the_decay() -> None:
+    frequency, length = Unknown.LOG_FREQUENCY, Unknown.LOG_LENGTH
+    rest, covariance = np.zeros((3, 1)), np.zeros((len(Unknown), len(Unknown)))
+    covariance[np.ix_([frequency, length], [frequency, length])] = [[1e-8, -1.5e-8], [-1.5e-8, 1e-5]]
+    fitted = Solution(
+        parameters=np.zeros(len(Unknown)), covariance=covariance, scattered=covariance, predicted=rest,
+        angle_rad=rest[0], noise_m=1e-4, excess=1.0, rms_m=0.0, max_m=0.0, largest_pull=0.0, left_out=0.0, alone=1.0,
+        tag_ratio=1.0,
+    )  # fmt: skip
+    modes = [replace(modal_of(FLEXIBLE), natural_frequency_hz=Estimate.normal(hz, 1e-4)) for hz in (1.004, 1.0002)]
+    apart, near = (doubt_by_mode(fitted, mode) for mode in modes)
+    grown = apart.scattered - covariance
+    # identity: l follows f by C_lf / C_ff = -1.5, both by the whole gap
+    assert grown[frequency, frequency] == pytest.approx(np.log(1.004) ** 2)
+    assert grown[length, length] == pytest.approx((1.5 * np.log(1.004)) ** 2)
+    assert near is fitted
 
 
 def test_a_move_tells_its_lengths_whatever_the_frequency_of_its_decay(moved: PendulumFit) -> None:
