@@ -105,9 +105,10 @@ def close_loop(scene: Scene, folder: Path, *, kinds: tuple[str, ...] = ("zv", "z
 def design_for(payload: list[str], folder: Path, *, kinds: tuple[str, ...]) -> None:
     """Run `identify design` for a payload, as its options tell it, into the folder's own `design`."""
     (folder / "move.toml").write_text(MOVE, encoding="utf-8")
-    move = ["--move", str(folder / "move.toml"), "--frequency-spread", str(SPREAD_PERCENT), "--no-optimise"]
+    move = ["--move", str(folder / "move.toml"), "--frequency-spread", str(SPREAD_PERCENT)]
     types = [word for kind in kinds for word in ("--type", kind)]
-    assert run(["design", *payload, *move, *types, "--out", str(folder / "design")]) == 0
+    quick = ["--no-optimise", "--no-figure"]
+    assert run(["design", *payload, *move, *types, *quick, "--out", str(folder / "design")]) == 0
 
 
 def film_design(scene: Scene, folder: Path) -> Loop:

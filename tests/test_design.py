@@ -405,6 +405,8 @@ def test_a_design_is_written_with_its_evidence(conveyor, tmp_path) -> None:
     assert [float(value) for value in last.split(";")[1:]] == [0.35, 0.0, -0.767]
     assert (tmp_path / "trajectory-2.csv").exists()
     assert (tmp_path / "design.png").stat().st_size > 10_000
+    write_advice(conveyor, tmp_path, figure=False)
+    assert not (tmp_path / "design.png").exists()
 
 
 def test_the_mode_of_a_small_swing_is_what_is_simulated() -> None:

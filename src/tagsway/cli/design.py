@@ -78,6 +78,7 @@ def design(
     place: Places = None,
     kind: Kinds = None,
     optimise: Annotated[bool, typer.Option(help="Look for a move made for the payload too.")] = True,
+    figure: Annotated[bool, typer.Option(help="Draw design.png.")] = True,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("design"),
     json: AsJson = False,
 ) -> None:
@@ -117,8 +118,8 @@ def design(
     task = _task(asked, place or [], target, payload, limits, kind)
     advice = design_move(task, rng=np.random.default_rng(SEED), optimise=optimise, progress=_show_progress)
     advice = replace(advice, notices=(*notices, *advice.notices))
-    write_advice(advice, out)
-    typer.echo(dump(design_document(advice)) if json else _words(advice, out), nl=not json)
+    write_advice(advice, out, figure=figure)
+    typer.echo(dump(design_document(advice)) if json else _words(advice, out, drawn=figure), nl=not json)
 
 
 def _task(
@@ -173,7 +174,7 @@ def _point(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _words(advice: "Advice", out: Path) -> str:
+def _words(advice: "Advice", out: Path, *, drawn: bool) -> str:
     from tagsway.design import describe
 
     limits, chosen = advice.task.limits, advice.chosen
@@ -202,18 +203,19 @@ def _words(advice: "Advice", out: Path) -> str:
             f"optimised: {found.move.motion_time_s:.3f} s, {found.move.motion_time_s / chosen.motion_time_s:.2f} of "
             f"it, kept for {100 * found.verdict.share_kept:.1f} %; found in {found.move.solve_s:.1f} s"
         )
-    lines += _beyond(advice)
+    lines += _beyond(advice, drawn=drawn)
     lines += [f"warning: {notice.message}" for notice in advice.notices]
     return "\n".join([*lines, f"written to {out}"])
 
 
-def _beyond(advice: "Advice") -> list[str]:
+def _beyond(advice: "Advice", *, drawn: bool) -> list[str]:
     """Return what each motion leaves of a payload that is half as far again from the middle as the spread reaches."""
     import numpy as np
 
     beyond = advice.beyond
     off = min(1.5 * advice.task.payload.band_percent, float(beyond.deviation_percent[-1]))
-    lines = [f"if f_n is {off:.0f} % off, beyond the spread, the product is left, in mm (see design.png):"]
+    see = " (see design.png)" if drawn else ""
+    lines = [f"if f_n is {off:.0f} % off, beyond the spread, the product is left, in mm{see}:"]
     for name, row in zip(beyond.names, beyond.placement_m, strict=True):
         slow, quick = 1e3 * np.interp([-off, off], beyond.deviation_percent, row)
         lines.append(f"  {slow:.1f} if slower, {quick:.1f} if quicker: {name}")

@@ -26,11 +26,12 @@ DESIGN_FILES = (
 )
 
 
-def write_advice(advice: Advice, folder: Path) -> None:
+def write_advice(advice: Advice, folder: Path, *, figure: bool = True) -> None:
     """Write the chosen move, the optimised one where there is one, and the evidence; design.json comes last.
 
     An unshaped move has no shaper.json; where there are several place points, trajectory.csv leads to the first, and
-    trajectory-2.csv and so on to the others. What an earlier design left and this one does not have is removed.
+    trajectory-2.csv and so on to the others. The figure takes a second and may be left out. What an earlier design left
+    and this one does not have is removed.
     """
     chosen = advice.chosen
     folder.mkdir(parents=True, exist_ok=True)
@@ -49,7 +50,8 @@ def write_advice(advice: Advice, folder: Path) -> None:
     if advice.optimised is not None:
         _write_optimised(advice, folder)
     write_text(folder / "candidates.csv", candidates_csv(advice))
-    write_design(advice, folder / "design.png")
+    if figure:
+        write_design(advice, folder / "design.png")
     write_text(folder / "design.json", dump(design_document(advice)))
 
 
