@@ -220,6 +220,17 @@ def test_every_codec_gives_the_grey_levels_back(tmp_path, name, options, error):
     assert max(np.abs(a - b).max() for a, b in zip(images, frames, strict=True)) <= error
 
 
+def test_the_same_images_give_the_same_bytes_whatever_was_in_memory(tmp_path):
+    camera = SceneCamera(width=320, height=144, distance_m=1.5, focal_px=1000.0)
+    images = [image.copy() for image in render_frames(small_scene(camera=camera, duration_s=0.2))]
+    rng, files = np.random.default_rng(0), set()
+    for _ in range(40):
+        rng.random(int(rng.integers(1000, 300_000)))  # what is left of it is what uninitialised memory holds
+        write_video(tmp_path / "film.mp4", images, fps_hz=120.0, quality=14.0)
+        files.add((tmp_path / "film.mp4").read_bytes())
+    assert len(files) == 1
+
+
 def test_better_quality_costs_more_bytes(tmp_path):
     rng = np.random.default_rng(0)
     frames = [rng.integers(0, 256, (64, 64), dtype=np.uint8) for _ in range(5)]

@@ -10,7 +10,7 @@ from tagsway.model import Coding, TagSightings
 from tagsway.tags.coder import CoderPull
 from tagsway.tags.follow import follow_tags
 from tagsway.video.reading import read_clock, read_frames
-from tagsway.video.writing import Codec, write_video
+from tagsway.video.writing import REPEATABLE_X264, Codec, write_video
 
 FRAMES, FPS = 150, 200.0
 WHITE = np.array([9e-6, 9e-6, 1e-9])
@@ -189,8 +189,7 @@ def measure_honesty(path: Path, images: list[np.ndarray], truth: np.ndarray, enc
     height, width = images[0].shape
     with av.open(str(path), "w") as container:
         known = options if encoder.startswith("lib") else {}
-        quiet = {"x265-params": "log-level=none:pools=1:frame-threads=1"} if encoder == "libx265" else {}
-        stream = container.add_stream(encoder, rate=round(FPS), options=known | quiet)
+        stream = container.add_stream(encoder, rate=round(FPS), options=known | REPEATABLE.get(encoder, {}))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.thread_count = 1
         if not known:
@@ -208,6 +207,7 @@ def measure_honesty(path: Path, images: list[np.ndarray], truth: np.ndarray, enc
     return found
 
 
+REPEATABLE = {"libx264": REPEATABLE_X264, "libx265": {"x265-params": "log-level=none:pools=1:frame-threads=1"}}
 CODERS = [
     ("libx264", "ultrafast 24"),
     ("libx264", "superfast 20"),
