@@ -548,8 +548,8 @@ def test_films_and_results_are_compared_from_end_to_end_and_nothing_is_measured_
     assert printed == json.loads((out / "comparison.json").read_text(encoding="utf-8"))
     assert read_comparison(out / "comparison.json").conditions == ("unshaped", "x")
     found = difference(printed, "trajectory_time_s")
-    # discretisation: the clean track spreads a sudden stop over half its response, 1/(2·20 Hz)
-    assert found["change"]["difference"] == pytest.approx(SHAPER.duration_s, abs=0.025)
+    # discretisation: the clean track spreads a sudden stop over half its response, 1/(2·20 Hz), and a frame is 1/120 s
+    assert found["change"]["difference"] == pytest.approx(SHAPER.duration_s, abs=0.025 + 1 / 120)
     assert found["significant"] is None
     rows = pd.read_csv(out / "comparison.csv")
     assert list(rows["condition"]) == ["unshaped", "x"]
