@@ -95,6 +95,12 @@ def test_dry_friction_is_found_where_there_is_some() -> None:
     assert abs(friction.value - 0.8) < 4 * friction.std  # statistics
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_friction_is_told_that_would_push_the_payload_on(seed: int) -> None:
+    friction = fit(SCENE, slip_m=5e-4, seed=seed).estimate.coulomb_friction_rad_s2
+    assert friction is None or friction.value > 0
+
+
 @pytest.mark.parametrize("friction", [0.1, 0.2])
 def test_weak_dry_friction_does_not_pass_for_a_drag_that_drives(friction: float) -> None:
     found = fit(replace(SCENE, payload=replace(PAYLOAD, coulomb_friction_rad_s2=friction))).estimate

@@ -179,8 +179,8 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     rubbed = problem.but(rubbed=True)
     least = LEAST_GAIN * max(1.0, cost / len(problem.look(parameters)[0]))
     if rubbed.gain(parameters, Unknown.FRICTION) > least or _is_driven(problem, parameters):
-        problem = rubbed
-        parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
+        parameters, _ = search(rubbed, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
+        problem, parameters = _without_push(rubbed, parameters)
     alone = _excess(problem, parameters)
     ratio = _find_tag_ratio(problem, parameters) if alone > LARGEST_EXCESS else 1.0
     ways = find_ways(problem, parameters)
@@ -191,7 +191,21 @@ def fit_record(record: Record, beliefs: tuple[Belief, ...], starts: list[FloatAr
     if any(sizes):
         problem = problem.but(shared=share_errors(problem, ways, sizes))
         parameters, _ = search(problem, parameters, steps=MOST_STEPS, tolerance=FINE, loss="linear")
+        problem, parameters = _without_push(problem, parameters)
     return problem, _solve(problem, parameters, alone=alone, tag_ratio=ratio)
+
+
+def _without_push(problem: Problem, parameters: FloatArray) -> tuple[Problem, FloatArray]:
+    """Return the fit without dry friction where that came out below zero: what pushes a payload on is something else.
+
+    The damping would pay for it: free of each other, the two go up and down together.
+    """
+    if not problem.rubs or parameters[Unknown.FRICTION] > 0:
+        return problem, parameters
+    held = parameters.copy()
+    held[Unknown.FRICTION] = 0.0
+    problem = problem.but(rubbed=False)
+    return problem, search(problem, held, steps=MOST_STEPS, tolerance=FINE, loss="linear")[0]
 
 
 def _is_driven(problem: Problem, parameters: FloatArray) -> bool:
