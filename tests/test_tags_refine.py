@@ -59,7 +59,7 @@ def see_plainly(
     if moves:
         streak = find_streak(motion_px)
         seen = np.stack([correlate(plane, streak, mode="constant") for plane in seen])
-        swept, whole = (streak != 0).astype(int), np.count_nonzero(streak)
+        swept, whole = (streak > 0).astype(int), np.count_nonzero(streak > 0)
         inside = correlate(inside.reshape(rows.shape).astype(int), swept, mode="constant").ravel() == whole
         seen = seen * inside.reshape(rows.shape)
     return rows, columns, seen, inside.reshape(rows.shape), (left, top, right - left + 1, bottom - top + 1)

@@ -183,16 +183,33 @@ def _smear(seen, row, streak, smeared):
 
 
 @compile_part
-def _find_known(spans, row, streak):
-    """Return the first and the last pixel of a row for which all that the streak sweeps over is known."""
+def _find_known(spans, row, streak, least):
+    """Return the first and the last pixel of a row for which all that weights above the least sweep over is known."""
     lines, taps = streak.shape
     low, high = spans[row + lines // 2]
     for line in range(lines):
         for tap in range(taps):
-            if streak[line, tap] != 0:
+            if streak[line, tap] != 0 and streak[line, tap] > least:
                 low = max(low, spans[row + line, 0] + taps // 2 - tap)
                 high = min(high, spans[row + line, 1] + taps // 2 - tap)
     return low, high
+
+
+@compile_part
+def _weigh_ends(spans, row, streak, low, weight):
+    """Sum the weights over what is known, where that is not all: the negative ones at a streak's ends may miss it."""
+    lines, taps = streak.shape
+    count = len(weight)
+    first, last = _find_known(spans, row, streak, -math.inf)
+    first = min(max(first - low, 0), count)
+    after = max(min(last - low + 1, count), first)
+    for start, end in ((0, first), (after, count)):
+        for k in range(start, end):
+            weight[k] = _ZERO
+            for line in range(lines):
+                for tap in range(taps):
+                    if spans[row + line, 0] <= low + k + tap - taps // 2 <= spans[row + line, 1]:
+                        weight[k] += streak[line, tap]
 
 
 @compile_part
@@ -228,7 +245,7 @@ def _see(grey, homography, texture, printed, half_width, known_width, scale, str
             spans[row] = _find_span(view, row - down, width, texels - 1.0)
     rows = np.zeros((height + 1, 2), np.int64)
     for row in range(height):
-        low, high = _find_known(spans, row, streak)
+        low, high = _find_known(spans, row, streak, 0.0)
         rows[row, 1] = low if high >= low else 0
         rows[row + 1, 0] = rows[row, 0] + max(high - low + 1, 0)
     planes = np.empty((PLANES, rows[height, 0]), np.float32)
@@ -252,6 +269,8 @@ def _see(grey, homography, texture, printed, half_width, known_width, scale, str
     shares, unit = _share(homography, scale, texels / (2 * half_width)), np.float32(1 / scale)
     for row in range(height):
         (start, low), end = rows[row], rows[row + 1, 0]
+        if is_full and not still:
+            _weigh_ends(spans, row, streak, low, planes[3, start:end])
         for channel in range(0 if still else channels):
             if row % _ROWS_AT_ONCE == 0:
                 rest = min(height - row, _ROWS_AT_ONCE)
