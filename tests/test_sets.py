@@ -17,7 +17,7 @@ from tagsway.sets.batch import Batch, measure_set
 from tagsway.sets.ledger import open_ledger
 from tagsway.sets.manifest import find_set
 from tagsway.sets.picks import settings_of_track
-from tagsway.sets.subsets import name_file
+from tagsway.sets.subsets import name_files
 from tagsway.sets.tables import make_tables, share_picks
 from tagsway.store.measurements import read_measurements
 
@@ -388,6 +388,8 @@ def test_a_pattern_takes_no_manifest_for_a_track(tmp_path) -> None:
 
 
 def test_a_subset_s_name_becomes_a_file_s_on_any_system() -> None:
-    assert name_file("stiff") == "stiff"
-    assert name_file("a/b: c") != name_file("a/b? c")
-    assert not set(name_file("a/b: *c")) & set('/:*?"<>| ')
+    names = ["stiff", "Soft", "soft", "a/b: c", "a/b? c", "A/B? C", 'a/b: *c"<>|']
+    files = name_files(names)
+    assert files["stiff"] == "stiff"
+    assert len({file.lower() for file in files.values()}) == len(names)
+    assert not set("".join(files.values())) & set('/:*?"<>| ')

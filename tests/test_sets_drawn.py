@@ -51,6 +51,24 @@ def test_figures_that_were_lost_or_written_over_are_drawn_again(tmp_path) -> Non
     assert tables(out) == before
 
 
+def test_subsets_that_differ_in_case_alone_have_files_of_their_own_whichever_came_first(tmp_path) -> None:
+    root, out = tmp_path / "set", tmp_path / "out"
+    write_decay(root / "first.csv", frequency_hz=2.0)
+    write_decay(root / "second.csv", frequency_hz=2.2)
+    one, two = (
+        f'[[measurement]]\nfile = "{file}.csv"\nsubset = "{name}"\n'
+        for file, name in (("first", "Soft"), ("second", "soft"))
+    )
+    (root / "set.toml").write_text(f'schema = "tagsway/set/1"\n{one}')
+    run(root, out)
+    assert (out / "figures" / "Soft-frequency.png").exists()
+    (root / "set.toml").write_text(f'schema = "tagsway/set/1"\n{one}{two}')
+    run(root, out)
+    assert len({path.name.lower() for path in (out / "shapers").glob("*.json")}) == 2
+    run(root, tmp_path / "whole")
+    assert tables(out) == tables(tmp_path / "whole")
+
+
 def test_a_subset_is_drawn_as_soon_as_its_last_file_is_done(tmp_path) -> None:
     root, out = write_set(tmp_path / "set", {"a": [2.0, 2.1], "b": [2.2]}), tmp_path / "out"
     run(root, out)

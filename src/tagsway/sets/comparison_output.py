@@ -18,7 +18,7 @@ from tagsway.sets.comparing import MoveLoader
 from tagsway.sets.comparison import QUANTITIES, Sorted, part_of, values_of
 from tagsway.sets.ledger import read_kept
 from tagsway.sets.moves import median_move
-from tagsway.sets.subsets import name_file
+from tagsway.sets.subsets import name_files
 from tagsway.sets.tables import CONDITION, GROUP, PLACE
 from tagsway.store.comparisons import comparison_document, conditions_table, differences_table, read_comparison
 from tagsway.store.documents import dump
@@ -58,11 +58,12 @@ def write_comparison(
     write_table(out / TABLES[0], _rows_table(comparison, rows))
     write_table(out / TABLES[1], conditions_table(comparison))
     write_table(out / TABLES[2], differences_table(comparison))
+    names = _figure_names(comparison.groups)
     for group in comparison.groups:
         own = [curve for curve in curves if curve.group == group and curve.moves]
         if own:
-            name = f"{title}, {group}" if group else title
-            write_comparison_figure(plot_moves(own, title=name), figures / _figure_name(group))
+            figure = plot_moves(own, title=f"{title}, {group}" if group else title)
+            write_comparison_figure(figure, figures / names[group])
     write_comparison_figure(plot_indicators(curves, over=comparison.within), figures / "indicators.png")
     write_text(out / "report.html", render_comparison(comparison, curves, title=title))
     write_text(out / "comparison.json", dump(comparison_document(comparison)))
@@ -84,8 +85,8 @@ def check_comparison_outputs(out: Path, inputs: Sequence[Path]) -> None:
                 raise InputError(f"--out {out} would write over the input {path}; give another folder")
 
 
-def _figure_name(group: str) -> str:
-    return f"moves-{name_file(group)}.png" if group else "moves.png"
+def _figure_names(groups: Sequence[str]) -> dict[str, str]:
+    return {group: f"moves-{name}.png" if group else "moves.png" for group, name in name_files(groups).items()}
 
 
 def _earlier_figures(out: Path) -> list[str]:
@@ -94,7 +95,7 @@ def _earlier_figures(out: Path) -> list[str]:
         earlier = read_comparison(out / "comparison.json")
     except InputError:
         return []
-    return ["indicators.png", *(_figure_name(group) for group in earlier.groups)]
+    return ["indicators.png", *_figure_names(earlier.groups).values()]
 
 
 def _rows_table(comparison: Comparison, rows: Sorted) -> pd.DataFrame:

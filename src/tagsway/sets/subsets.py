@@ -3,8 +3,8 @@
 import hashlib
 import json
 import re
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -147,7 +147,10 @@ def begin_subsets(
     earlier = _read_drawn(out)
     plans = plan_subsets(tables, items, ledger)
     keys = [plan.key for plan in plans]
-    known = [_known(out, plan.bare.name, key, earlier) for plan, key in zip(plans, keys, strict=True)]
+    stems = name_files(plan.bare.name for plan in plans)
+    known = [
+        _known(out, plan.bare.name, stems[plan.bare.name], key, earlier) for plan, key in zip(plans, keys, strict=True)
+    ]
     changed = [n for n, files in enumerate(known) if files is None and not (ahead and ahead.has(plans[n].bare.name))]
     drawing = _begin_to_draw([plans[n].task(ledger) for n in changed], crew)
 
@@ -157,7 +160,8 @@ def begin_subsets(
         for n, (plan, key, files) in enumerate(zip(plans, keys, known, strict=True)):
             if files is None:
                 early = ahead.take(plan.bare.name, key) if ahead and n not in drawn else None
-                files = _write(out, plan.bare.name, drawn.get(n) or early or draw_subset(plan.task(ledger)))
+                picture = drawn.get(n) or early or draw_subset(plan.task(ledger))
+                files = _write(out, plan.bare.name, stems[plan.bare.name], picture)
             told.append(files)
         _write_drawn(out, dict(zip(keys, told, strict=True)))
         return told
@@ -165,12 +169,21 @@ def begin_subsets(
     return finish
 
 
-def name_file(subset: str) -> str:
-    """Return a subset's name as a file's: what other systems cannot write is replaced, and then told apart."""
-    plain = re.sub(r"[^\w.-]+", "-", subset, flags=re.ASCII).strip("-.")[:80]
-    if plain == subset:
+def name_files(names: Iterable[str]) -> dict[str, str]:
+    """Return a file's name for each of several names.
+
+    What other systems cannot write is replaced, and then told apart; so are names that differ in their case alone.
+    """
+    several = set(names)
+    alike = Counter(name.lower() for name in several)
+    return {name: _name_file(name, alone=alike[name.lower()] == 1) for name in several}
+
+
+def _name_file(name: str, *, alone: bool) -> str:
+    plain = re.sub(r"[^\w.-]+", "-", name, flags=re.ASCII).strip("-.")[:80]
+    if plain == name and alone:
         return plain
-    return f"{plain}-{hashlib.sha256(subset.encode()).hexdigest()[:6]}".lstrip("-")
+    return f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}".lstrip("-")
 
 
 def _begin_to_draw(tasks: Sequence[SubsetTask], crew: Crew | None) -> Callable[[], list[DrawnSubset]]:
@@ -199,18 +212,17 @@ def _begin_to_draw(tasks: Sequence[SubsetTask], crew: Crew | None) -> Callable[[
     return finish
 
 
-def _write(out: Path, subset: str, drawn: DrawnSubset) -> SubsetFiles:
-    name = name_file(subset)
+def _write(out: Path, name: str, stem: str, drawn: DrawnSubset) -> SubsetFiles:
     shaper = None
     if drawn.shaper is not None:
-        shaper = out / "shapers" / f"{name}.json"
+        shaper = out / "shapers" / f"{stem}.json"
         write_shaper(shaper, drawn.shaper)
     figures = []
     for what, png in drawn.pictures:
-        figures.append(out / "figures" / f"{name}-{what}.png")
+        figures.append(out / "figures" / f"{stem}-{what}.png")
         with whole_file(figures[-1]) as part:
             part.write_bytes(png)
-    return SubsetFiles(name=subset, figures=tuple(figures), shaper=shaper, no_shaper=drawn.no_shaper)
+    return SubsetFiles(name=name, figures=tuple(figures), shaper=shaper, no_shaper=drawn.no_shaper)
 
 
 def _read_drawn(out: Path) -> dict[str, Any]:
@@ -222,12 +234,13 @@ def _read_drawn(out: Path) -> dict[str, Any]:
     return entries if isinstance(entries, dict) else {}
 
 
-def _known(out: Path, name: str, key: str, earlier: dict[str, Any]) -> SubsetFiles | None:
-    """Return the files of a subset where they are what was drawn of the same, whole and untouched."""
+def _known(out: Path, name: str, stem: str, key: str, earlier: dict[str, Any]) -> SubsetFiles | None:
+    """Return the files of a subset where they are what was drawn of the same, whole, untouched and named alike."""
     try:
         entry = earlier[key]
         figures, shaper = entry["figures"], entry["shaper"]
-        whole = all(file_sha256(out / file) == sha256 for file, sha256 in {**figures, **shaper}.items())
+        named = all(file.rpartition("-")[0] == f"figures/{stem}" for file in figures)
+        whole = named and all(file_sha256(out / file) == sha256 for file, sha256 in {**figures, **shaper}.items())
         return (
             SubsetFiles(
                 name=name,
