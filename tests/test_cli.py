@@ -309,6 +309,21 @@ def test_an_interrupted_run_says_so_and_leaves_nothing(inside, capsys, monkeypat
     assert nothing_written(inside)
 
 
+def test_an_interruption_while_the_command_loads_says_so_too() -> None:
+    program = (
+        "import signal, sys\n"
+        "from tagsway.cli import main\n"
+        "class Interrupted:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'tagsway.cli.app':\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupted())\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.splitlines()) == (1, ["error: interrupted"])
+
+
 def test_a_table_in_other_units_is_suspected(inside, capsys) -> None:
     path = a_track(inside)
     rows = [line.split(",") for line in path.read_text().splitlines()]

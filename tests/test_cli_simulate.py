@@ -51,6 +51,23 @@ def test_one_move_is_simulated_unshaped_and_shaped_and_written(capsys) -> None:
     assert motion["pcp_force_z_n"][0] == pytest.approx(0.225 * (9.81 + 4.0), rel=1e-6)  # identity: it lifts off at 4
 
 
+def test_a_move_that_lets_nothing_be_shaped_says_so_where_a_shaper_is_given(capsys) -> None:
+    text = Path(MOVE).read_text()
+    assert 'shaped_axes = ["x"]' in text
+    Path("move.toml").write_text(text.replace('shaped_axes = ["x"]', "shaped_axes = []"))
+    command = ["simulate", "--move", "move.toml", *PAYLOAD]
+    assert run([*command, "--shaper", "zvd", "--json"]) == 0
+    (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+    assert warning["code"] == "nothing_shaped"
+    assert "the zvd shaper takes no part" in warning["message"]
+    assert run([*command, "--shaper", "none"]) == 0
+    assert "shaped_axes" not in capsys.readouterr().out
+    assert run(["shaper", "--frequency", "2.5", "--damping", "0.08"]) == 0
+    Path("shaper.json").write_text(capsys.readouterr().out)
+    assert run(["trajectory", "--move", "move.toml", "--shaper", "shaper.json"]) == 0
+    assert "warning: the move's shaped_axes is []" in capsys.readouterr().out
+
+
 def test_json_is_printed_instead_of_a_table_and_nothing_is_written(capsys, inside) -> None:
     document = json.loads(simulate(capsys, *PAYLOAD, "--shaper", "none", "--json"))
     assert [row["shaping"] for row in document["rows"]] == ["unshaped"]

@@ -1,5 +1,6 @@
 """`identify shaper` and `identify trajectory`: from a mode to impulses, from a move to the controller's file."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +12,7 @@ from tagsway.cli.designs import Wish, design, design_by_hand
 from tagsway.cli.modes import NO_TARGET, Target, read_target
 from tagsway.cli.options import Dampings, Frequencies, MoveFile, Origin
 from tagsway.errors import InputError
-from tagsway.model import Shaper
+from tagsway.model import Move, Notice, Shaper
 
 if TYPE_CHECKING:
     from tagsway.pipeline.shaping import PlannedMove
@@ -154,12 +155,13 @@ def trajectory(
         if target.is_dir():
             raise InputError(f"--out {out}: {target} is a folder; give another name")
     designed = None if shaper == "none" else read_shaper(Path(shaper))
-    planned = plan_shaped_move(read_move(move), designed, speed=speed, joint_rate_hz=joint_rate)
+    wanted = read_move(move)
+    planned = plan_shaped_move(wanted, designed, speed=speed, joint_rate_hz=joint_rate)
     text, description = planned.files(form=form.value)
     described = dump(description)
     write_text(out, text)
     write_text(out.with_suffix(".json"), described)
-    typer.echo("\n".join(_lines(planned, out)))
+    typer.echo("\n".join(_lines(planned, out, tell_unshaped(wanted, designed))))
 
 
 def _compare(target: Target, wish: Wish, form: ShaperFormat | None, out: Path) -> str:
@@ -218,7 +220,18 @@ def describe_samples(planned: "PlannedMove", out: Path) -> str:
     return f"{out}: {rows} samples of {step_ms:g} ms, at rest after {sampled.moving_s:.4f} s"
 
 
-def _lines(planned: "PlannedMove", out: Path) -> list[str]:
+def tell_unshaped(move: Move, shaper: Shaper | None) -> tuple[Notice, ...]:
+    """Return a warning where a shaper is given and the move lets it shape nothing."""
+    if shaper is None or move.shaped_axes:
+        return ()
+    words = (
+        f"the move's shaped_axes is []: it goes unshaped, and the {shaper.type} shaper takes no part; "
+        'write ["x"] or ["x", "z"] there, or state --shaper none'
+    )
+    return (Notice(code="nothing_shaped", message=words),)
+
+
+def _lines(planned: "PlannedMove", out: Path, notices: Sequence[Notice]) -> list[str]:
     report = planned.report
     lines = [
         describe_samples(planned, out),
@@ -232,4 +245,4 @@ def _lines(planned: "PlannedMove", out: Path) -> list[str]:
         lines.append(f"τ = shaper ÷ acceleration time: {planned.ratio.ratio:.2f} ({wanted})")
     if planned.speed < 1:
         lines.append(f"a dry run at {100 * planned.speed:g} % of the speed")
-    return [*lines, *(f"warning: {notice.message}" for notice in planned.notices)]
+    return [*lines, *(f"warning: {notice.message}" for notice in (*notices, *planned.notices))]

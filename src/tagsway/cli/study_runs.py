@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from tagsway.cli.payloads import KnownPayload
+from tagsway.cli.shape import tell_unshaped
 from tagsway.cli.study_options import Study
 from tagsway.errors import InputError
 from tagsway.model import LimitRow, Move, Notice, Pair, Shaper, StudyRow
@@ -53,7 +54,7 @@ def run_once(
     criteria = {s.name: m.judge(reference_m=reference_m) for s, m in zip(shapings, motions, strict=True)}
     rows = worst_rows(criteria, shapings, fastest, known.payload)
     swing = max(float(np.degrees(np.abs(motion.sway.angle_rad).max())) for motion in motions)
-    notices = [*known.notices, *_notices(rows), *_swing_notices(swing)]
+    notices = [*known.notices, *tell_unshaped(move, shaper), *_notices(rows), *_swing_notices(swing)]
     tables = [
         (f"motion-{s.name.replace(',', '')}.csv", _motion_csv(motion, known.nominal, mass_kg))
         for s, motion in zip(shapings, motions, strict=True)
