@@ -126,6 +126,8 @@ def test_a_table_of_files_is_a_manifest_too(tmp_path) -> None:
         ('[[measurement]]\nfile = "x/*.csv"\ncamera = "../camera.json"', "out of the set"),
         ('[[measurement]]\nfile = "x/*.csv"\nmass = -1', "--mass"),
         ('[[measurement]]\nfile = "x/*.csv"\nmass = "heavy"', "mass"),
+        ('[[measurement]]\nfile = "x/*.csv"\n[measurement.settings]\nshaper = "zvv"', "measurement 1: shaper is 'zvv'"),
+        ('[settings]\nfamily = "tag36"\n[[measurement]]\nfile = "x/*.csv"', "settings: family is 'tag36'"),
         ("[[measurement]]\nsubset = 'a'", "file"),
         ('[[measurement]]\nfile = "**x/*.csv"', "pattern"),
         ('[[measurement]]\nfile = "."', "pattern"),

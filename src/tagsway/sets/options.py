@@ -10,6 +10,7 @@ from tagsway.errors import InputError
 from tagsway.model import Settings, Window
 from tagsway.model.estimate import FORBID_UNKNOWN
 from tagsway.store.documents import validate
+from tagsway.tags.families import FAMILIES
 
 PATHS = ("camera", "with", "log")
 """Options that name a file."""
@@ -95,6 +96,7 @@ def read_options(table: Mapping[str, Any], *, folder: Path, root: Path, origin: 
 def make_settings(stated: Mapping[str, Any], *, origin: str) -> Settings:
     """Return the settings that some stated options make."""
     options = _validate(stated, origin)
+    _check_names(stated, origin)
     size = options.tag_size
     try:
         return Settings(
@@ -121,6 +123,17 @@ def make_settings(stated: Mapping[str, Any], *, origin: str) -> Settings:
         )
     except InputError as fault:
         raise InputError(f"{origin}: {fault}") from None
+
+
+def _check_names(stated: Mapping[str, Any], origin: str) -> None:
+    """Refuse a family or a shaper that there is none of, before the first film is tracked."""
+    if stated.get("family", FAMILIES[0]) not in FAMILIES:
+        raise InputError(f"{origin}: family is {stated['family']!r}: expected one of {', '.join(FAMILIES)}")
+    if "shaper" in stated:
+        from tagsway.shapers import SHAPER_TYPES  # which takes a second to load: only where one is stated
+
+        if stated["shaper"] not in SHAPER_TYPES:
+            raise InputError(f"{origin}: shaper is {stated['shaper']!r}: expected one of {', '.join(SHAPER_TYPES)}")
 
 
 def _validate(stated: Mapping[str, Any], origin: str) -> Options:
