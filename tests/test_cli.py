@@ -259,7 +259,7 @@ def test_what_an_earlier_measurement_left_is_taken_away(bag, capsys) -> None:
     said = capsys.readouterr().out
     assert "without --tag-size nothing is known in mm" in said
     assert "did not move" not in said
-    assert not list((bag.parent / "out").glob(".new-*"))
+    assert not list((bag.parent / "out").glob(".*-*"))
 
 
 @pytest.mark.parametrize("out", [".", ""])

@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 
 import example_result
 from tagsway.errors import InputError
-from tagsway.files import check_writable, whole_file
+from tagsway.files import check_writable, staging_folder, whole_file
 from tagsway.model import (
     Curves,
     DesignMode,
@@ -216,6 +218,28 @@ def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path) -> No
         fail_half_way()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_run_left_is_taken_away_by_the_next_and_nothing_else(tmp_path) -> None:
+    program = (
+        "import os, pathlib\n"
+        "from tagsway.files import staging_folder, whole_file\n"
+        "with whole_file(pathlib.Path('film.mp4')), staging_folder(pathlib.Path()) as staging:\n"
+        "    (staging / 'figures').mkdir()\n"
+        "    os._exit(1)\n"
+    )
+    (tmp_path / ".tagsway-pictures").mkdir()
+    (tmp_path / ".film-original.mp4").write_text("mine")
+    (tmp_path / ".film.tagsway-old.mp4").write_text("mine")
+    own = sorted(tmp_path.iterdir())
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path)
+    assert len(list(tmp_path.iterdir())) == len(own) + 2
+    with whole_file(tmp_path / "film.mp4") as film, staging_folder(tmp_path) as staging:
+        assert sorted(tmp_path.iterdir()) == sorted([*own, film, staging])
+        if sys.platform != "win32":  # another process that writes the same keeps what it has
+            subprocess.run([sys.executable, "-c", program.replace("os._exit(1)", "pass")], cwd=tmp_path, check=True)
+        assert film.exists()
+        assert (staging / ".held").exists()
 
 
 def test_a_folder_below_a_file_is_refused_before_any_work(tmp_path) -> None:

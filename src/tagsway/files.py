@@ -1,14 +1,22 @@
 """Files: written whole or not at all; and TOML, which people write."""
 
 import os
+import re
+import shutil
+import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from tagsway.errors import InputError
+
+UNFINISHED = ".tagsway-"
+"""In the name of what is being written: what a killed run leaves is known by it, and taken away by the next."""
+
+_HELD = ".held"
 
 
 @contextmanager
@@ -26,19 +34,78 @@ def whole_file(path: Path) -> Iterator[Path]:
         Where to write. Has the same suffix.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
+    prefix = f".{path.stem}{UNFINISHED}"
+    _take_away(path.parent, prefix, path.suffix)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=path.suffix)
     temporary = Path(name)
+    with os.fdopen(handle, "r+") as held:
+        if sys.platform == "win32":
+            held.close()  # what is open cannot be replaced there, nor be taken away by others
+        else:
+            try_lock(held)
+        try:
+            yield temporary
+            temporary.chmod(0o666 & ~_umask())  # mkstemp makes it private
+            temporary.replace(path)
+        except OSError as fault:
+            if fault.errno is not None:
+                fault.filename = fault.filename or str(path)  # a full disk does not say where
+            raise
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def staging_folder(folder: Path) -> Iterator[Path]:
+    """Give a folder of its own within `folder`, for files that take their places together; it is gone afterwards.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files are to go; it exists.
+
+    Yields
+    ------
+    Path
+        Where to write what is then moved.
+    """
+    _take_away(folder, UNFINISHED, "")
+    staging = Path(tempfile.mkdtemp(dir=folder, prefix=UNFINISHED))
     try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())  # mkstemp makes it private
-        temporary.replace(path)
-    except OSError as fault:
-        if fault.errno is not None:
-            fault.filename = fault.filename or str(path)  # a full disk does not say where
-        raise
+        with (staging / _HELD).open("a+") as held:
+            try_lock(held)
+            yield staging
     finally:
-        temporary.unlink(missing_ok=True)
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def try_lock(file: IO[str]) -> bool:
+    """Lock a file as long as it is open: the system lets go of it however the process ends."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            file.seek(1 << 30)  # beyond the text, which others may read
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _take_away(folder: Path, prefix: str, suffix: str) -> None:
+    """Remove what killed runs left under such a name: what nobody holds any more."""
+    name = re.compile(f"{re.escape(prefix)}[a-z0-9_]{{8}}{re.escape(suffix)}")  # as tempfile makes them
+    for left in [path for path in folder.iterdir() if name.fullmatch(path.name)]:
+        is_folder = left.is_dir()
+        with suppress(OSError):
+            with (left / _HELD if is_folder else left).open("r+") as held:
+                if not try_lock(held):
+                    continue
+            shutil.rmtree(left) if is_folder else left.unlink()
 
 
 def write_text(path: Path, text: str) -> None:

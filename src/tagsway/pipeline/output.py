@@ -1,11 +1,9 @@
 """From a measurement to the files of its folder."""
 
-import shutil
-import tempfile
 from pathlib import Path
 
 from tagsway.errors import InputError
-from tagsway.files import write_text
+from tagsway.files import staging_folder, write_text
 from tagsway.indicators import find_last_move
 from tagsway.model import Progress, Window
 from tagsway.pipeline.assembling import Measurement
@@ -52,30 +50,23 @@ def write_measurement(
     """
     fresh = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(dir=folder, prefix=".new-"))
     try:
-        _write_all(measurement, staging)
-        if film is not None and measurement.sightings is not None:
-            from tagsway.report.overlay import write_overlay  # matplotlib, which a set's workers need not load
+        with staging_folder(folder) as staging:
+            _write_all(measurement, staging)
+            if film is not None and measurement.sightings is not None:
+                from tagsway.report.overlay import write_overlay  # matplotlib, which a set's workers need not load
 
-            write_overlay(
-                staging / OVERLAY,
-                film,
-                result=measurement.result,
-                sightings=measurement.sightings,
-                track=measurement.track,
-                move=_find_move(measurement),
-                progress=progress,
-            )
-        earlier = _holds_a_measurement(folder)
-        for name in OUTPUTS:
-            if (staging / name).exists():
-                (folder / name).parent.mkdir(exist_ok=True)
-                (staging / name).replace(folder / name)
-            elif earlier:
-                (folder / name).unlink(missing_ok=True)
+                write_overlay(
+                    staging / OVERLAY,
+                    film,
+                    result=measurement.result,
+                    sightings=measurement.sightings,
+                    track=measurement.track,
+                    move=_find_move(measurement),
+                    progress=progress,
+                )
+            _take_places(staging, folder)
     finally:
-        shutil.rmtree(staging, ignore_errors=True)
         if fresh and not any(folder.iterdir()):
             folder.rmdir()
 
@@ -108,6 +99,17 @@ def _write_all(measurement: Measurement, folder: Path) -> None:
         write_figures(result, measurement.curves, folder / "figures")
         write_text(folder / "report.html", render_page(result, measurement.curves, title=result.source.file))
     write_result(folder / RESULT, result)
+
+
+def _take_places(staging: Path, folder: Path) -> None:
+    """Move what was written to where it belongs; what only an earlier measurement had is removed."""
+    earlier = _holds_a_measurement(folder)
+    for name in OUTPUTS:
+        if (staging / name).exists():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (staging / name).replace(folder / name)
+        elif earlier:
+            (folder / name).unlink(missing_ok=True)
 
 
 def _find_move(measurement: Measurement) -> Window | None:

@@ -3,16 +3,15 @@
 import json
 import os
 import socket
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from tagsway.errors import InputError
-from tagsway.files import write_text
+from tagsway.files import try_lock, write_text
 from tagsway.model import Settings
 from tagsway.sets.jobs import (
     FILE,
@@ -192,7 +191,7 @@ def open_ledger(out: Path, *, remembers: bool = False) -> Iterator[Ledger]:
     """
     out.mkdir(parents=True, exist_ok=True)
     with (out / LOCK).open("a+", encoding="utf-8") as lock:
-        if not _try_lock(lock):
+        if not try_lock(lock):
             lock.seek(0)
             who = lock.read().strip() or "another process"
             raise InputError(
@@ -221,23 +220,6 @@ def read_kept(path: Path) -> list[dict[str, Any]]:
         return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()[1:]]
     except (OSError, ValueError):
         return []
-
-
-def _try_lock(file: IO[str]) -> bool:
-    """Lock a file as long as it is open: the system lets go of it however the process ends."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            file.seek(1 << 30)  # beyond the text, which others may read
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def _append(path: Path, entry: dict[str, Any]) -> None:
