@@ -195,6 +195,7 @@ def test_the_command_writes_the_camera_and_says_what_is_next(tmp_path, capsys) -
         (["--columns", "2", "--rows", "7", "--square", "30"], "at least 3"),
         (["--columns", "9", "--rows", "7", "--square", "0"], "--square is 0 mm"),
         (["--columns", "9", "--rows", "7", "--square", "nan"], "--square is nan mm"),
+        (["--columns", "9", "--rows", "7", "--square", "1e6"], "to 10000 mm"),
         (["--columns", "9", "--rows", "7", "--square", "30", "--pattern", "dots"], "--pattern is 'dots'"),
         (["--columns", "9", "--rows", "7", "--square", "30", "--pattern", "charuco"], "--marker is missing"),
         (["--columns", "9", "--rows", "7", "--square", "30"], "shows no chessboard"),

@@ -84,6 +84,8 @@ def test_a_video_without_tags_is_refused(inside, capsys) -> None:
         (["--fps", "1e-300"], ["--fps", "1e-300"]),
         (["--mass", "1e300"], ["--mass", "1e+300"]),
         (["--tag-size", "1e300"], ["size", "1e+300"]),
+        (["--tag-size", "1e6"], ["size", "1e+06", "10000"]),
+        (["--pcp-tag-size", "1e-6"], ["PCP", "size", "1e-06", "0.01"]),
         (["--window", "3"], ["--window", "START:END"]),
         (["--window", "4:3"], ["window", "4:3"]),
         (["--window", "100:200"], ["window", "100", "200"]),

@@ -99,6 +99,7 @@ def test_a_drawing_has_its_true_size_in_it() -> None:
         (["--print", "--size", "0"], "0 mm"),
         (["--print", "--size", "nan"], "nan"),
         (["--print", "--size", "500"], "500 mm"),
+        (["--print", "--size", "1e-6"], "from 1 to"),
         (["--print", "--ids", "0-99", "--out", "tags.png"], ".pdf"),
         (["--print", "--out", "tags.doc"], ".svg"),
     ],

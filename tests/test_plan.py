@@ -88,6 +88,8 @@ def test_the_command_says_it_in_words_and_as_json(capsys) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document["schema"] == "tagsway/plan/1"
     assert document["measurement"]["noise_mm"] == pytest.approx(np.sqrt(2) * 0.028 * 0.5)
+    assert run([*options, "--tag-size", "1e6"]) == 2
+    assert "--tag-size is 1e+06" in capsys.readouterr().err
     assert run(["plan", "--frequency", "2.47", "--damping", "0", "--duration", "2"]) == 0
     assert run(["plan", "--frequency", "2.47", "--damping", "0.005", "--duration", "0.1"]) == 2
     assert "--duration" in capsys.readouterr().err

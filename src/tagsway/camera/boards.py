@@ -21,6 +21,9 @@ CHARUCO_DICTIONARIES = {
     "aruco6x6": cv2.aruco.DICT_6X6_250,
 }
 
+SQUARE_M = (1e-5, 10.0)
+"""From the smallest square to the largest: what lies beyond is another unit."""
+
 LEAST_CORNERS = 8
 """Of a board that may be partly hidden: four give a homography, eight one that is checked."""
 
@@ -56,8 +59,10 @@ class Board:
         least = 1 if self.pattern == "aprilgrid" else 3
         if not (self.columns >= least and self.rows >= least):
             raise InputError(f"a {self.pattern} of {self.columns} × {self.rows}: expected at least {least} of each")
-        if not (np.isfinite(self.square_m) and self.square_m > 0):
-            raise InputError(f"--square is {1000 * self.square_m:g} mm: expected a positive length")
+        low, high = SQUARE_M
+        if not low <= self.square_m <= high:
+            extent = f"from {1000 * low:g} to {1000 * high:g} mm"
+            raise InputError(f"--square is {1000 * self.square_m:g} mm: expected a length {extent}")
         if self.pattern == "chessboard":
             return
         if self.marker_m is None or not 0 < self.marker_m < self.square_m:

@@ -30,9 +30,9 @@ def plan(
     from tagsway.pipeline.plan import USUAL_NOISE_M, expected_noise_m, plan_measurement
     from tagsway.store.documents import dump, to_document
 
-    for name, value in {"--scale": scale, "--tag-size": tag_size}.items():
-        if value is not None and not value > 0:
-            raise InputError(f"{name} is {value:g}: expected a positive number of mm")
+    for name, value, low, high in (("--scale", scale, 1e-4, 1e3), ("--tag-size", tag_size, 0.01, 1e4)):
+        if value is not None and not low <= value <= high:
+            raise InputError(f"{name} is {value:g}: expected a number of mm, from {low:g} to {high:g}")
     tag_size_m = None if tag_size is None else tag_size / 1e3
     if noise is not None:
         noise_m = noise / 1e3

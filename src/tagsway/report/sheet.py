@@ -28,6 +28,9 @@ RULER_MM = 100.0
 QUIET_CELLS = 1
 """Of white paper around a tag's pattern, to the line where it is cut."""
 
+LEAST_MM = 1.0
+"""Of the smallest tag that is printed: a cell of it is some three dots of a usual printer."""
+
 DPI = 300
 SUFFIXES = (".pdf", ".svg", ".png")
 
@@ -95,11 +98,11 @@ class _Grid:
         measures = tag_family(family)
         width, height = PAGE_MM[0] - 2 * MARGIN_MM, PAGE_MM[1] - MARGIN_MM - FOOT_MM
         box = size_mm * (measures.cells + 2 * QUIET_CELLS) / measures.border_cells
-        if not (size_mm > 0 and box <= width):
+        if not (size_mm >= LEAST_MM and box <= width):
             largest = width / box * size_mm if size_mm > 0 else 100.0
             raise InputError(
-                f"a tag of {size_mm:g} mm cannot be printed on A4: expected the side of its square in mm, up to "
-                f"{largest:.0f}"
+                f"a tag of {size_mm:g} mm cannot be printed on A4: expected the side of its square in mm, from "
+                f"{LEAST_MM:g} to {largest:.0f}"
             )
         return cls(
             size_mm=size_mm,
