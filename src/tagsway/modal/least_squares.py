@@ -126,18 +126,9 @@ def solve(
     left, rows = look(p)
     deviance = cost(left)
     for _ in range(MOST_LOOKS):
-        slope = (1 + (left / SOFT) ** 2) ** -0.5
-        slope[n:] = 1.0
-        unit = np.linalg.norm(rows, axis=0)
-        unit[unit == 0] = 1.0
-        scaled = rows / unit
-        curvature = (scaled * (slope**3 if bent else slope)[:, None]).T @ scaled
-        downhill = -scaled.T @ (slope * left)
-        held = damping * (np.diag(curvature) + 1e-12)
-        step = np.linalg.solve(curvature + np.diag(held), downhill)
-        promised = float(step @ (downhill + held * step))
+        step, promised = _find_step(left, rows, n, damping=damping, bent=bent)
         trial = p.copy()
-        trial[free] += step / unit
+        trial[free] += step
         new_left, new_rows = look(trial)
         new = cost(new_left)
         if new <= deviance:
@@ -152,6 +143,25 @@ def solve(
         if promised < ENOUGH * max(1.0, deviance / n) or damping > LARGEST_DAMPING:
             break
     return p, deviance
+
+
+def _find_step(
+    left: FloatArray, rows: FloatArray, samples: int, *, damping: float, bent: bool
+) -> tuple[FloatArray, float]:
+    """Return a step of the free parameters, and by how much it promises to lower the deviance.
+
+    `bent` takes the cost's own second derivative, else the reweighted squares; of the rows the first are samples.
+    """
+    slope = (1 + (left / SOFT) ** 2) ** -0.5
+    slope[samples:] = 1.0
+    unit = np.linalg.norm(rows, axis=0)
+    unit[unit == 0] = 1.0
+    scaled = rows / unit
+    curvature = (scaled * (slope**3 if bent else slope)[:, None]).T @ scaled
+    downhill = -scaled.T @ (slope * left)
+    held = damping * (np.diag(curvature) + 1e-12)
+    step = np.linalg.solve(curvature + np.diag(held), downhill)
+    return step / unit, float(step @ (downhill + held * step))
 
 
 def _soft(reduced: FloatArray) -> float:

@@ -11,7 +11,7 @@ from tagsway.errors import NotIdentifiableError
 from tagsway.indicators import align_move, find_watched, measure_indicators
 from tagsway.modal import ModalFit
 from tagsway.modal.events import describe_events
-from tagsway.modal.excitation import measure_excitation
+from tagsway.modal.excitation import ExcitationFit, measure_excitation
 from tagsway.modal.window import FreeVibration
 from tagsway.model import (
     AlignedMove,
@@ -21,6 +21,7 @@ from tagsway.model import (
     Event,
     FloatArray,
     Indicators,
+    ModalEstimate,
     Notice,
     PendulumEstimate,
     ResidualCurve,
@@ -31,6 +32,7 @@ from tagsway.model import (
     Source,
     Track,
     TrackCurve,
+    Window,
 )
 from tagsway.model.curves import AmplitudeCurve, BackboneCurve
 from tagsway.pendulum import PendulumFit
@@ -101,10 +103,7 @@ def assemble(
     """Return the measurement that all stages together make, from an empty result."""
     modal, window, settings = fit.estimate, free.window, empty.source.settings
     indicators = measure_indicators(recording.track, clean, window)
-    frequency = modal.operating_frequency_hz or modal.natural_frequency_hz
-    excited = None
-    if frequency is not None:
-        excited = measure_excitation(recording.track, clean, window, frequency_hz=frequency)
+    excited = _find_excitation(recording.track, clean, window, modal)
     notices = (
         *recording.notices,
         *describe_events(events),
@@ -149,6 +148,12 @@ def assemble(
         planned=planned,
         not_determined=None,
     )
+
+
+def _find_excitation(track: Track, clean: CleanTrack, window: Window, modal: ModalEstimate) -> ExcitationFit | None:
+    """Return how much of the move falls on the payload's frequency; None where that is not known."""
+    frequency = modal.operating_frequency_hz or modal.natural_frequency_hz
+    return None if frequency is None else measure_excitation(track, clean, window, frequency_hz=frequency)
 
 
 def assemble_undetermined(

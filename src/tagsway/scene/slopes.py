@@ -50,6 +50,7 @@ def _torques(angle, rate, spring, resistance):
 @compile_part
 def _solve(matrix, vector):
     """Solve a positive definite system in place: no row needs to be exchanged."""
+    # LAPACK's takes a third longer to compile and to call, and its last digits, and so a film's, depend on the machine.
     n = len(vector)
     for i in range(n):
         for j in range(i + 1, n):
