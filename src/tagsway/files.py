@@ -99,7 +99,10 @@ def try_lock(file: IO[str]) -> bool:
 def _take_away(folder: Path, prefix: str, suffix: str) -> None:
     """Remove what killed runs left under such a name: what nobody holds any more."""
     name = re.compile(f"{re.escape(prefix)}[a-z0-9_]{{8}}{re.escape(suffix)}")  # as tempfile makes them
-    for left in [path for path in folder.iterdir() if name.fullmatch(path.name)]:
+    found: list[Path] = []
+    with suppress(OSError):  # a folder may be written and not listed
+        found = [path for path in folder.iterdir() if name.fullmatch(path.name)]
+    for left in found:
         is_folder = left.is_dir()
         with suppress(OSError):
             with (left / _HELD if is_folder else left).open("r+") as held:
