@@ -5,9 +5,11 @@ import re
 import shutil
 import sys
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,7 +18,9 @@ from tagsway.errors import InputError
 UNFINISHED = ".tagsway-"
 """In the name of what is being written: what a killed run leaves is known by it, and taken away by the next."""
 
+_LEFT = re.compile(rf"(\..+)?{re.escape(UNFINISHED)}[a-z0-9_]{{8}}(\..+)?")  # as tempfile makes them
 _HELD = ".held"
+_YOUNG_S = 60.0  # between its making and its being held
 
 
 @contextmanager
@@ -34,9 +38,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         Where to write. Has the same suffix.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    prefix = f".{path.stem}{UNFINISHED}"
-    _take_away(path.parent, prefix, path.suffix)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=path.suffix)
+    _take_away_unfinished(path.parent)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}{UNFINISHED}", suffix=path.suffix)
     temporary = Path(name)
     with os.fdopen(handle, "r+") as held:
         if sys.platform == "win32":
@@ -69,7 +72,7 @@ def staging_folder(folder: Path) -> Iterator[Path]:
     Path
         Where to write what is then moved.
     """
-    _take_away(folder, UNFINISHED, "")
+    _take_away_unfinished(folder)
     staging = Path(tempfile.mkdtemp(dir=folder, prefix=UNFINISHED))
     try:
         with (staging / _HELD).open("a+") as held:
@@ -96,19 +99,26 @@ def try_lock(file: IO[str]) -> bool:
     return True
 
 
-def _take_away(folder: Path, prefix: str, suffix: str) -> None:
-    """Remove what killed runs left under such a name: what nobody holds any more."""
-    name = re.compile(f"{re.escape(prefix)}[a-z0-9_]{{8}}{re.escape(suffix)}")  # as tempfile makes them
-    found: list[Path] = []
+@cache
+def _take_away_unfinished(folder: Path) -> None:
+    """Remove what killed runs left in a folder: what bears our name, is not of this minute, and nobody holds.
+
+    Once for a folder and process: a set's folders hold thousands of files. Windows could not tell what is held.
+    """
+    if sys.platform == "win32":
+        return
+    left: list[Path] = []
     with suppress(OSError):  # a folder may be written and not listed
-        found = [path for path in folder.iterdir() if name.fullmatch(path.name)]
-    for left in found:
-        is_folder = left.is_dir()
+        left = [path for path in folder.iterdir() if _LEFT.fullmatch(path.name)]
+    for path in left:
+        is_folder = path.is_dir()
         with suppress(OSError):
-            with (left / _HELD if is_folder else left).open("r+") as held:
+            if time.time() - path.stat().st_mtime < _YOUNG_S:
+                continue
+            with (path / _HELD if is_folder else path).open("r+") as held:
                 if not try_lock(held):
                     continue
-            shutil.rmtree(left) if is_folder else left.unlink()
+            shutil.rmtree(path) if is_folder else path.unlink()
 
 
 def write_text(path: Path, text: str) -> None:
