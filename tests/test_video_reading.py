@@ -213,9 +213,9 @@ def test_the_decoder_waits_for_whoever_reads(tmp_path: Path) -> None:
         next(reader)
         for _ in range(200):
             time.sleep(0.001)
-            assert reader._decoded.qsize() <= 3
-        assert reader._places.empty()
-        assert reader._thread.is_alive()
+            assert reader._decoded._queues[0].qsize() <= 3
+        assert reader._decoded._own[0].empty()
+        assert reader._decoded._threads[0].is_alive()
         assert sum(1 for _ in reader) == 79
 
 

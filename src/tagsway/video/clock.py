@@ -9,6 +9,7 @@ import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.model import FloatArray, IntArray, Notice
+from tagsway.video.runs import ONE_RUN, Runs
 
 _MILLISECOND = 1e-3
 _SIXHUNDREDTH = 1 / 600
@@ -42,6 +43,8 @@ class Clock:
         Step of the container's stamps, in seconds of capture.
     dropped, duplicated : int
         Places of the uniform clock without a frame; frames whose stamp another one has already.
+    runs : Runs
+        Of the file's packets: what several decoders can share out among them.
     notices : tuple of Notice
         What the user should know of it.
     """
@@ -55,6 +58,7 @@ class Clock:
     pts_rounding_s: float
     dropped: int
     duplicated: int
+    runs: Runs = ONE_RUN
     notices: tuple[Notice, ...] = ()
 
 

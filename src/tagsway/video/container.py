@@ -3,7 +3,7 @@
 import math
 import re
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
@@ -17,7 +17,8 @@ from av.video.frame import PictureType
 from tagsway.errors import InputError
 from tagsway.model import UNKNOWN_CODING, GreyArray, IntArray, Notice
 from tagsway.video.quantiser import EXPORT, find_coder, mix_step, read_step
-from tagsway.video.source import Stamps
+from tagsway.video.runs import ONE_RUN, Runs, Share, cut_evenly, recognise_fresh_start
+from tagsway.video.source import WHOLE, Entry, Stamps
 
 _CAPTURE_RATE_KEYS = ("com.android.capture.fps", "com.android.capturefps", "capture_fps", "capturefps")
 _LUMA_FIRST = re.compile(r"^(?:yuvj?a?\d{3}p|nv\d\d|gray)(?:\d+le)?$")
@@ -47,9 +48,9 @@ class ContainerSource:
         """Walk through the packets."""
         with _open(self._path) as container:
             stream = _video_stream(container, self._path)
-            ticks, by_order, tick_s = _read_ticks(container, stream)
+            ticks, by_order, tick_s, runs = _read_ticks(container, stream)
             if container.format.flags & _UNTIMED:
-                return Stamps(ticks=np.arange(len(ticks)), tick_s=math.nan, is_count=True)
+                return Stamps(ticks=np.arange(len(ticks)), tick_s=math.nan, is_count=True, runs=runs)
             rate = stream.average_rate or stream.guessed_rate
             return Stamps(
                 ticks=ticks,
@@ -57,11 +58,12 @@ class ContainerSource:
                 by_order=by_order,
                 header_hz=float(rate) if rate else None,
                 captured_hz=_captured_rate({**container.metadata, **stream.metadata}),
+                runs=runs,
                 notices=_notice_truncated(container, stream, ticks, tick_s),
             )
 
-    def decode(self, threads: int) -> Iterator[tuple[int | None, Any]]:
-        """Yield stamp and picture of every frame that can be decoded."""
+    def decode(self, threads: int, share: Share = WHOLE) -> Iterator[Iterator[Entry]]:
+        """Yield run by run stamp and picture of every frame that can be decoded."""
         with _open(self._path) as container:
             stream = _video_stream(container, self._path)
             stream.codec_context.thread_count = threads
@@ -71,14 +73,9 @@ class ContainerSource:
             packets = _packets(container, stream)
             first = next(packets, None)
             self._know_coder(stream.codec_context, first)
-            for packet in chain([] if first is None else [first], packets):
-                try:
-                    pictures = packet.decode()
-                except av.error.FFmpegError:
-                    continue
-                pictures.reverse()
-                while pictures:  # none is held while the next one is decoded: its memory is what that is decoded into
-                    yield _with_stamp(pictures.pop(), untimed=untimed)
+            for run in share.pick(chain([] if first is None else [first], packets)):
+                yield _decode_run(stream.codec_context, run, untimed=untimed)
+                stream.codec_context.flush_buffers()
 
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
@@ -136,8 +133,18 @@ class ContainerSource:
         return tuple(notices)
 
 
-def _with_stamp(picture: Any, *, untimed: bool) -> tuple[int | None, Any]:
-    return None if untimed else picture.pts, picture
+def _decode_run(context: Any, packets: Iterable[Any], *, untimed: bool) -> Iterator[Entry]:
+    """Yield what packets hold, and then what the decoder still holds back."""
+    for packet in chain((packet for packet in packets if packet.size), [None]):
+        try:
+            pictures = context.decode(packet)
+        except av.error.FFmpegError:
+            continue
+        pictures.reverse()
+        while pictures:  # none is held while the next one is decoded: its memory is what that is decoded into
+            picture = pictures.pop()
+            yield None if untimed else picture.pts, picture
+            del picture
 
 
 def _open(path: Path) -> Any:
@@ -181,20 +188,36 @@ def _packets(container: Any, stream: Any) -> Iterator[Any]:
             return
 
 
-def _read_ticks(container: Any, stream: Any) -> tuple[IntArray, bool, float]:
-    """Return the stamps of all images, whether images go by order instead, and the seconds to a tick."""
-    shown, decoded = array("q"), array("q")
-    for packet in _packets(container, stream):
+def _read_ticks(container: Any, stream: Any) -> tuple[IntArray, bool, float, Runs]:
+    """Return the stamps of all images, whether images go by order instead, the seconds to a tick, and the runs."""
+    shown, decoded, starts = array("q"), array("q"), array("q", [0])
+    is_fresh = recognise_fresh_start(stream.codec_context.name, bytes(stream.codec_context.extradata or b""))
+    count = 0
+    for count, packet in enumerate(_packets(container, stream), 1):
         if packet.size and not packet.is_discard:
             shown.append(_NO_STAMP if packet.pts is None else packet.pts)
             decoded.append(_NO_STAMP if packet.dts is None else packet.dts)
+        if count > 1 and is_fresh(packet):
+            starts.append(count - 1)
+    runs = _make_runs(stream.codec_context, np.array(starts), count)
     tick_s = float(stream.time_base)
     for column, by_order in ((shown, False), (decoded, True)):
         ticks = np.frombuffer(column, dtype=np.int64) if column else np.empty(0, dtype=np.int64)
         if not np.any(ticks == _NO_STAMP):
-            return ticks, by_order, tick_s
+            return ticks, by_order, tick_s, runs
     rate = stream.average_rate or stream.guessed_rate or stream.base_rate
-    return np.arange(len(shown)), True, 1 / float(rate) if rate else tick_s
+    return np.arange(len(shown)), True, 1 / float(rate) if rate else tick_s, runs
+
+
+def _make_runs(context: Any, starts: IntArray, packets: int) -> Runs:
+    """Return the runs of a stream: where images are coded by themselves any will do, but raw ones need no decoder."""
+    if not context.format:
+        return ONE_RUN
+    planes = context.format.components
+    image_bytes = sum(plane.width * plane.height * -(-plane.bits // 8) for plane in planes)
+    if context.codec.intra_only and context.name != "rawvideo":
+        return cut_evenly(packets, image_bytes=image_bytes)
+    return Runs(starts=starts, packets=packets, image_bytes=image_bytes)
 
 
 def _notice_truncated(container: Any, stream: Any, ticks: IntArray, tick_s: float) -> tuple[Notice, ...]:

@@ -13,7 +13,8 @@ import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.model import UNKNOWN_CODING, GreyArray, Notice
-from tagsway.video.source import Stamps
+from tagsway.video.runs import Share
+from tagsway.video.source import WHOLE, Entry, Stamps
 
 SUFFIXES = frozenset({".mraw", ".cihx", ".cih"})
 
@@ -77,8 +78,11 @@ class PhotronSource:
             notices=() if count == self._header.frames else (Notice(code="truncated", message=words),),
         )
 
-    def decode(self, threads: int) -> Iterator[tuple[int | None, Any]]:
+    def decode(self, threads: int, share: Share = WHOLE) -> Iterator[Iterator[Entry]]:
         """Yield number and bytes of each image."""
+        yield from share.pick(self._read())
+
+    def _read(self) -> Iterator[Entry]:
         with self._path.open("rb") as file:
             for number in range(self._header.frames):
                 content = file.read(self._header.frame_bytes)

@@ -1,27 +1,24 @@
-"""Read a film: first its stamps, then its images, decoded in a thread of their own."""
+"""Read a film: first its stamps, then its images, decoded ahead in threads of their own."""
 
 import math
-import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, Self
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import percentile_filter
 
 from tagsway.errors import InputError
 from tagsway.model import BoolArray, Frame, GreyArray, Notice, VideoInfo
+from tagsway.video.ahead import DecodedAhead
 from tagsway.video.clock import Clock, count_clock, fit_clock
 from tagsway.video.opening import open_source
+from tagsway.video.runs import share_out
 from tagsway.video.source import Stamps
 
-_FIRST_PLACES = 4  # images that may wait until the first one's size is known ...
-_MOST_QUEUED_PX = 48 << 20  # ... and what all that wait may hold: 72 MB with their colours, 38 images of 1280 x 1024
-_AT_ONCE = 4  # images handed over together where decoders leave the tracker no core of its own: each time wakes it
 _THINNED = (32, 80)  # rows and columns of pixels that tell whether an image is new
 _REPEATED = 0.25  # of the usual change from image to image; a repeated one, coded again, has shown up to 0.13
 _USUAL_PERCENT, _AROUND = 90, 21  # of the changes around, of which three in four may be repeated images'
@@ -54,7 +51,7 @@ def read_clock(path: Path | str, *, fps_hz: float | None = None) -> Clock:
         clock = _make_clock(stamps, fps_hz)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return replace(clock, notices=(*clock.notices, *stamps.notices))
+    return replace(clock, runs=stamps.runs, notices=(*clock.notices, *stamps.notices))
 
 
 def _make_clock(stamps: Stamps, fps_hz: float | None) -> Clock:
@@ -82,10 +79,11 @@ def read_frames(
     clock : Clock
         What that returned.
     decoder_threads : int
-        Of the decoder, beside the thread that calls.
+        Of the decoder, beside the thread that calls; or of as many decoders, where the film has runs of images that
+        need no others (`tagsway.video.runs`).
     queue_frames : int
-        How many images may wait, fewer where they are larger than 1.5 Mpx: with the decoder's own, all the memory that
-        a video of any length takes. They bridge the times at which a tag is looked for.
+        How many images may wait, fewer where they are larger than 1.5 Mpx: with the decoders' own, and up to 512 MB of
+        later runs, all the memory that a video of any length takes. They bridge the times at which a tag is looked for.
     full_range : bool
         False leaves luma of limited range (16..235) as it is coded, which saves a pass over each image; a tag's
         alignment fits gain and offset and does not mind.
@@ -100,7 +98,7 @@ def read_frames(
 
 
 class FrameReader(Iterator[Frame]):
-    """Iterates over the images of a film, decoded ahead in a thread; made by `read_frames`.
+    """Iterates over the images of a film, decoded ahead; made by `read_frames`.
 
     Images are views of the decoder's memory where they can be: do not write to them.
     """
@@ -111,19 +109,20 @@ class FrameReader(Iterator[Frame]):
         self._path = path
         self._clock = clock
         self._full_range = full_range
-        self._source = open_source(path)
-        # What waits, and the places for it: a C queue each, for a lock of Python's costs the tracker its time.
-        self._decoded: SimpleQueue[Any] = SimpleQueue()
-        self._places: SimpleQueue[None] = SimpleQueue()
-        self._handed: list[Any] = []
-        self._queue_frames = queue_frames
-        self._allow(min(max(queue_frames, 1), _FIRST_PLACES))
-        self._stopped = False
-        self._thread = threading.Thread(target=self._decode, args=(decoder_threads,), name="decoder", daemon=True)
-        self._started = self._ended = False
+        decoders = clock.runs.count_decoders(decoder_threads)
+        sources = [open_source(path) for _ in range(decoders)]
+        self._source = sources[0]
+        self._decoded = DecodedAhead(
+            sources,
+            share_out(clock.runs, decoders),
+            threads=decoder_threads,
+            queue_frames=queue_frames,
+            later_frames=(decoders - 1) * clock.runs.longest,
+        )
+        self._ended = False
         self._read = self._taken = 0
         self._size = (0, 0)
-        self._last: NDArray[np.int16] | None = None
+        self._last: GreyArray | None = None
         self._changes = np.full(len(clock.stamps), np.inf)
 
     def __iter__(self) -> Self:
@@ -138,35 +137,21 @@ class FrameReader(Iterator[Frame]):
         self.close()
 
     def __next__(self) -> Frame:
-        if not self._started:
-            self._started = True
-            self._thread.start()
         while not self._ended:
-            if not self._handed:
-                self._handed = self._decoded.get()
-                self._handed.reverse()
-            entry = self._handed.pop()
+            entry = self._decoded.take()
             if entry is None:
                 self._end()
-            elif isinstance(entry, BaseException):
-                self.close()
-                raise entry
             else:
-                self._places.put(None)
                 place = self._place(entry[0])
                 if place is not None:
                     return self._make_frame(entry[1], place)
         raise StopIteration
 
     def close(self) -> None:
-        """Stop decoding and wait for the thread; images that were handed out stay valid."""
-        self._stopped = self._ended = True
+        """Stop decoding and wait for its threads; images that were handed out stay valid."""
+        self._ended = True
         self._last = None
-        if self._started:
-            self._places.put(None)
-            self._thread.join()
-        self._decoded = SimpleQueue()
-        self._handed = []
+        self._decoded.close()
 
     @property
     def info(self) -> VideoInfo:
@@ -212,11 +197,6 @@ class FrameReader(Iterator[Frame]):
             notices.append(Notice(code="damaged_frames", message=words))
         return (*notices, *self._source.notices())
 
-    def _allow(self, more: int) -> None:
-        """Let so many more images wait."""
-        for _ in range(more):
-            self._places.put(None)
-
     def _end(self) -> None:
         self.close()
         if self._read < 2:
@@ -228,7 +208,8 @@ class FrameReader(Iterator[Frame]):
         """Return an image's place in the clock; None for one whose stamp was there before."""
         stamps = self._clock.stamps
         place = self._taken
-        if not self._clock.by_order and stamp is not None:
+        is_next = place < len(stamps) and (self._clock.by_order or stamp is None or stamps[place] == stamp)
+        if not is_next and stamp is not None and not self._clock.by_order:
             place = int(np.searchsorted(stamps, stamp))
             if place >= len(stamps) or stamps[place] != stamp:
                 place = self._taken
@@ -244,7 +225,7 @@ class FrameReader(Iterator[Frame]):
                 f"at frame {place}: expected one size throughout; cut the video there"
             )
         if not self._read:
-            self._allow(min(self._queue_frames, _MOST_QUEUED_PX // grey.size) - _FIRST_PLACES)
+            self._decoded.allow(grey.size)
         self._size = size
         self._changes[place] = self._measure_change(grey)
         self._read += 1
@@ -261,32 +242,10 @@ class FrameReader(Iterator[Frame]):
     def _measure_change(self, grey: GreyArray) -> float:
         """Return by how much some pixels differ from the image before, on average; infinity for the first."""
         down, right = (max(side // count, 1) for side, count in zip(grey.shape, _THINNED, strict=True))
-        thinned = grey[::down, ::right].astype(np.int16)
-        change = math.inf if self._last is None else float(np.abs(thinned - self._last).sum()) / thinned.size
+        thinned = np.ascontiguousarray(grey[::down, ::right])
+        change = math.inf if self._last is None else cv2.norm(thinned, self._last, cv2.NORM_L1) / thinned.size
         self._last = thinned
         return change
-
-    def _decode(self, decoder_threads: int) -> None:
-        """Decode until the end, or until told to stop; what comes last is None or an error."""
-        entries: list[Any] = []
-        at_once = 1 if decoder_threads == 1 else _AT_ONCE
-        try:
-            for entry in self._source.decode(decoder_threads):
-                if entries and self._places.empty():
-                    self._decoded.put(entries)
-                    entries = []
-                self._places.get()
-                if self._stopped:
-                    return
-                entries.append(entry)
-                del entry  # its memory, still in the cache, is what a later image is decoded into
-                if len(entries) == at_once:
-                    self._decoded.put(entries)
-                    entries = []
-            entries.append(None)
-        except Exception as error:
-            entries.append(error)
-        self._decoded.put(entries)
 
 
 def _count(number: int, what: str) -> str:

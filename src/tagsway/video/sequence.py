@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ import numpy as np
 
 from tagsway.errors import InputError
 from tagsway.model import UNKNOWN_CODING, GreyArray, IntArray, Notice
-from tagsway.video.source import Stamps
+from tagsway.video.runs import Share, cut_evenly
+from tagsway.video.source import WHOLE, Entry, Stamps
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"})
 _PATTERN = re.compile(r"^(?P<before>.*?)%0?(?P<width>\d*)d(?P<after>.*)$")
@@ -123,15 +124,20 @@ class SequenceSource:
 
     def read_stamps(self) -> Stamps:
         """Return the numbers; when the images were taken they do not say."""
-        return Stamps(ticks=self._sequence.numbers, tick_s=float("nan"), is_count=True)
+        numbers = self._sequence.numbers
+        return Stamps(ticks=numbers, tick_s=float("nan"), is_count=True, runs=cut_evenly(len(numbers)))
 
-    def decode(self, threads: int) -> Iterator[tuple[int | None, Any]]:
+    def decode(self, threads: int, share: Share = WHOLE) -> Iterator[Iterator[Entry]]:
         """Yield number and image, as it is stored, of every file that can be read."""
         self._bits = self._bits or self._measure_bits()
-        for number in self._sequence.numbers:
-            picture = _read_image(self._sequence.file(int(number)))
+        for run in share.pick(self._sequence.numbers.tolist()):
+            yield self._read(run)
+
+    def _read(self, numbers: Iterable[int]) -> Iterator[Entry]:
+        for number in numbers:
+            picture = _read_image(self._sequence.file(number))
             if picture is not None:
-                yield int(number), picture
+                yield number, picture
 
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
         """Return the image in 8 bits."""

@@ -5,6 +5,13 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tagsway.model import Coding, GreyArray, IntArray, Notice
+from tagsway.video.runs import ONE_RUN, Runs, Share
+
+Entry = tuple[int | None, Any]
+"""A stamp, where there is one, and a picture."""
+
+WHOLE = Share()
+"""All of a film: what a decoder takes that is alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +32,8 @@ class Stamps:
         The rate that the header states.
     captured_hz : float or None
         Capture rate in the metadata, beside stamps that are a playback's.
+    runs : Runs
+        What several decoders can share out among them.
     notices : tuple of Notice
         What to know of them.
     """
@@ -35,6 +44,7 @@ class Stamps:
     by_order: bool = False
     header_hz: float | None = None
     captured_hz: float | None = None
+    runs: Runs = ONE_RUN
     notices: tuple[Notice, ...] = ()
 
 
@@ -59,8 +69,8 @@ class Source(Protocol):
         """Return the stamps of all frames."""
         ...
 
-    def decode(self, threads: int) -> Iterator[tuple[int | None, Any]]:
-        """Yield the stamp, where it has one, and the picture of each frame; called in a thread of its own."""
+    def decode(self, threads: int, share: Share = WHOLE) -> Iterator[Iterator[Entry]]:
+        """Yield run by run the stamp, where it has one, and the picture of each frame; in a thread of its own."""
         ...
 
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
