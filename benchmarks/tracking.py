@@ -2,10 +2,11 @@
 
     python benchmarks/tracking.py [--frames 1000] [--threads 1 2]
 
-Every number is a ratio of two measurements of one run, taken in turn, of the best of three. The ratio of processor
-times beside it does not depend on what else the machine does. What the machine lets anyone have is the ratio of a
-thread that takes the images and hashes for 0.3 ms each, without the interpreter's lock and without a look at them. Set
-OPENBLAS_NUM_THREADS=1: the decoder needs the cores.
+Every number is a ratio of two measurements of one run, taken in turn, of the best of three. Decoding alone is FFmpeg's,
+with as many threads of its own as tagsway has decoders or threads of one (see docs/design/decoding.md). The ratio of
+processor times beside it does not depend on what else the machine does. What the machine lets anyone have is the ratio
+of a thread that takes tagsway's images and hashes for 0.3 ms each, without the interpreter's lock and without a look at
+them. Set OPENBLAS_NUM_THREADS=1: the decoders need the cores.
 """
 
 import argparse
@@ -79,7 +80,7 @@ def compare_speed(path: Path, codec: str, threads: int, frames: int) -> None:
         taken["decoding"].append(measure(lambda: decode(path, threads)))
         taken["hashing"].append(measure(lambda: hash_beside(path, threads, hashed)))
         taken["tracking"].append(measure(lambda: track(path, threads)))
-    taken["plain"].append(measure(lambda: detect_plainly(path, min(frames, 60))))
+        taken["plain"].append(measure(lambda: detect_plainly(path, min(frames, 60))))
     best = {
         name: (min(frames, 60) if name == "plain" else frames) / min(wall for wall, _ in times)
         for name, times in taken.items()

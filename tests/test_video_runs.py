@@ -67,6 +67,17 @@ def test_several_decoders_give_what_one_does(tmp_path: Path, name: str, how: dic
     assert reader.notices == ()
 
 
+@pytest.mark.parametrize("gop", ["0", "1"])
+def test_a_film_tells_its_quantiser_the_same_each_time(tmp_path: Path, gop: str) -> None:
+    path = write(tmp_path / "a.mp4", pan(), options=CLOSED | {"x264-params": f"scenecut=0:open-gop={gop}"})
+    told = set()
+    for _ in range(12):
+        with read_frames(path, read_clock(path), decoder_threads=4, full_range=False) as reader:
+            told.add(tuple(frame.coding.step for frame in reader if frame.index > 9))
+    assert len(told) == 1
+    assert min(told.pop()) > 0
+
+
 def test_numbered_images_are_shared_out(tmp_path: Path) -> None:
     for k, image in enumerate(pan()):
         cv2.imwrite(str(tmp_path / f"{k:04d}.png"), image)

@@ -1,5 +1,6 @@
 """From a file to a track: a video's tags, or a table that somebody wrote."""
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -39,7 +40,8 @@ from tagsway.video.reading import read_clock, read_frames
 TABLES = frozenset({".csv", ".tsv", ".txt", ".tab", ".dat", ".xml", ".nc", ".h5", ".kva", ".trk"})
 """Endings of a track; anything else is taken for a video."""
 
-DECODER_THREADS = 2
+DECODER_THREADS = min(max(os.cpu_count() or 1, 2), 4)
+"""More than four decode faster than the tracker follows."""
 REPORT_EVERY = 20
 LOOK_FRAMES = 300
 """How far into a video other tags are looked for when the wanted ones are not there."""

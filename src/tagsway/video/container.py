@@ -66,13 +66,14 @@ class ContainerSource:
         """Yield run by run stamp and picture of every frame that can be decoded."""
         with _open(self._path) as container:
             stream = _video_stream(container, self._path)
-            stream.codec_context.thread_count = threads
-            stream.codec_context.thread_type = "AUTO" if threads > 1 else "NONE"
             self._aspect = float(stream.sample_aspect_ratio or 1) or 1.0
             untimed = bool(container.format.flags & _UNTIMED)
             packets = _packets(container, stream)
             first = next(packets, None)
             self._know_coder(stream.codec_context, first)
+            # FFmpeg's threads tell the quantiser of images that another one is still decoding: not twice the same.
+            stream.codec_context.thread_count = 1 if self._held else threads
+            stream.codec_context.thread_type = "NONE" if self._held or threads == 1 else "AUTO"
             for run in share.pick(chain([] if first is None else [first], packets)):
                 yield _decode_run(stream.codec_context, run, untimed=untimed)
                 stream.codec_context.flush_buffers()
