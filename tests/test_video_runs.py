@@ -1,6 +1,8 @@
 """Several decoders that share out a film's runs: the images are those of one decoder, in their order."""
 
+import re
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -92,6 +94,26 @@ def test_numbered_images_are_shared_out(tmp_path: Path) -> None:
     np.testing.assert_array_equal([frame.grey for frame in frames], [pan()[k] for k in kept])
 
 
+def test_runs_that_need_the_parameters_of_others_stay_together(tmp_path: Path) -> None:
+    first = write(tmp_path / "first.h264", pan(), options=CLOSED)
+    other = write(tmp_path / "other.h264", pan(), options=CLOSED | {"x264-params": "scenecut=0:cabac=0:ref=1"})
+    path = tmp_path / "both.h264"
+    content = other.read_bytes()
+    units = [found.start() for found in re.finditer(b"\x00\x00\x01", content)]
+    kinds = [content[place + 3] & 0x1F for place in units]
+    seen, kept = set(), b""
+    for place, end, kind in zip(units, [*units[1:], len(content)], kinds, strict=True):
+        if kind not in (7, 8) or kind not in seen:  # of the second film the parameter sets come once
+            kept += content[place:end]
+        seen.add(kind)
+    path.write_bytes(first.read_bytes() + kept)
+    clock = read_clock(path, fps_hz=30.0)
+    assert len(clock.runs.starts) == FRAMES // 10 + 1
+    with read_frames(path, clock, decoder_threads=3, full_range=False) as reader:
+        frames = list(reader)
+    np.testing.assert_array_equal([frame.grey for frame in frames], decode_plainly(path))
+
+
 def test_a_run_that_is_damaged_costs_itself_alone(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mp4", pan(), options=CLOSED)
     content = bytearray(path.read_bytes())
@@ -124,11 +146,14 @@ def test_what_waits_of_later_runs_is_bounded(tmp_path: Path) -> None:
     ahead = DecodedAhead([open_source(path) for _ in shares], shares, threads=2, queue_frames=4, later_frames=3)
     taken: Any = [ahead.take()]
     ahead.allow(1)
-    for thread in ahead._threads:
-        thread.join(0.5)
-        assert thread.is_alive()  # they wait for places: the film is longer
-    assert all(own.empty() for own in ahead._own)
+    for _ in range(500):
+        if ahead._shared.empty() and all(own.empty() for own in ahead._own):
+            break
+        time.sleep(0.02)
+    time.sleep(0.1)
     assert ahead._shared.empty()
+    assert all(own.empty() for own in ahead._own)
+    assert all(thread.is_alive() for thread in ahead._threads)  # they wait for places: the film is longer
     while (entry := ahead.take()) is not None:
         taken.append(entry)
     assert len(taken) == FRAMES

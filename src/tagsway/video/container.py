@@ -193,14 +193,16 @@ def _read_ticks(container: Any, stream: Any) -> tuple[IntArray, bool, float, Run
     """Return the stamps of all images, whether images go by order instead, the seconds to a tick, and the runs."""
     shown, decoded, starts = array("q"), array("q"), array("q", [0])
     is_fresh = recognise_fresh_start(stream.codec_context.name, bytes(stream.codec_context.extradata or b""))
-    count = 0
+    count, changes = 0, False
     for count, packet in enumerate(_packets(container, stream), 1):
+        changes = changes or (count > 1 and packet.has_sidedata("new_extradata"))
         if packet.size and not packet.is_discard:
             shown.append(_NO_STAMP if packet.pts is None else packet.pts)
             decoded.append(_NO_STAMP if packet.dts is None else packet.dts)
         if count > 1 and is_fresh(packet):
             starts.append(count - 1)
-    runs = _make_runs(stream.codec_context, np.array(starts), count)
+    # a header that changes on the way is told to the decoder of its own packet alone
+    runs = ONE_RUN if changes else _make_runs(stream.codec_context, np.array(starts), count)
     tick_s = float(stream.time_base)
     for column, by_order in ((shown, False), (decoded, True)):
         ticks = np.frombuffer(column, dtype=np.int64) if column else np.empty(0, dtype=np.int64)

@@ -15,8 +15,8 @@ Packet = TypeVar("Packet")
 
 _MOST_HELD_BYTES = 512 << 20  # images that may lie ready of the runs that follow: 250 of 1280 x 1024
 _TOGETHER = 4  # images to a run where each is coded by itself
-# How a unit's first byte tells its type, and the types before which nothing is needed any more.
-_FRESH = {"h264": (0x1F, 0, frozenset({5})), "hevc": (0x7E, 1, frozenset({19, 20}))}
+# How a unit's first byte tells its type, the types before which nothing is needed any more, and the parameter sets.
+_FRESH = {"h264": (0x1F, 0, {5}, {7, 8}), "hevc": (0x7E, 1, {19, 20}, {33, 34})}
 _UNIT = re.compile(rb"\x00\x00\x01(.)", re.DOTALL)
 
 
@@ -113,10 +113,12 @@ def recognise_fresh_start(codec: str, header: bytes) -> Callable[[Any], bool]:
     -----
     A container's mark of a key image is not enough: images after it may still be made from some before it (open groups
     of pictures), and some files mark every one. An "instantaneous decoding refresh" is what both standards promise.
+    Where parameter sets come between the images, and not in the header, it must come with its own: another decoder may
+    have had those before.
     """
     if codec not in _FRESH:
         return lambda packet: False
-    mask, shift, fresh = _FRESH[codec]
+    mask, shift, fresh, parameters = _FRESH[codec]
     place = {"h264": 4, "hevc": 21}[codec]
     size = (header[place] & 3) + 1 if len(header) > place and header[0] == 1 else 0
 
@@ -124,7 +126,8 @@ def recognise_fresh_start(codec: str, header: bytes) -> Callable[[Any], bool]:
         if not packet.is_keyframe:
             return False
         firsts = _sized_units(bytes(packet), size) if size else _marked_units(bytes(packet))
-        return any((first & mask) >> shift in fresh for first in firsts)
+        kinds = {(first & mask) >> shift for first in firsts}
+        return bool(kinds & fresh) and (size > 0 or kinds >= parameters)
 
     return is_fresh
 
