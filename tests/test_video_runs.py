@@ -114,6 +114,19 @@ def test_runs_that_need_the_parameters_of_others_stay_together(tmp_path: Path) -
     np.testing.assert_array_equal([frame.grey for frame in frames], decode_plainly(path))
 
 
+def test_a_header_that_changes_on_the_way_is_told_to_every_decoder(tmp_path: Path) -> None:
+    first = write(tmp_path / "first.flv", pan(), options=CLOSED)
+    plainer = CLOSED | {"x264-params": "scenecut=0:cabac=0:ref=1"}
+    later = write(tmp_path / "later.flv", pan(), options=plainer, stamps=list(range(2 * FRAMES, 3 * FRAMES)))
+    path = tmp_path / "both.flv"
+    path.write_bytes(first.read_bytes() + later.read_bytes()[13:])  # without the file's own header
+    clock = read_clock(path)
+    with read_frames(path, clock, decoder_threads=3, full_range=False) as reader:
+        frames = list(reader)
+    np.testing.assert_array_equal([frame.grey for frame in frames], decode_plainly(path))
+    assert len(frames) == 2 * FRAMES
+
+
 def test_a_run_that_is_damaged_costs_itself_alone(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mp4", pan(), options=CLOSED)
     content = bytearray(path.read_bytes())

@@ -29,9 +29,9 @@ class DecodedAhead:
     threads : int
         Of all decoders together.
     queue_frames : int
-        Images that may wait of the run that is being read.
+        Images that may wait, shared out among the decoders, of which each has at least one and at first up to four.
     later_frames : int
-        Images that may wait of later runs, beside these.
+        Images that may wait beside these, of whichever run.
 
     Notes
     -----

@@ -22,12 +22,12 @@ _UNIT = re.compile(rb"\x00\x00\x01(.)", re.DOTALL)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Runs:
-    """Runs of packets of which none needs another.
+    """A film cut into runs of packets: what a run holds is decoded without any other.
 
     Parameters
     ----------
     starts : ndarray of int, shape (n,)
-        Number of each run's first packet, rising.
+        Number of each run's first packet, rising from 0.
     packets : int
         Of the whole film.
     image_bytes : int
