@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from tag_images import make_pose, photograph, see_tag
-from tagsway.model import Frame
+from tagsway.model import Frame, Sighting
 from tagsway.tags.find import find_tags, sharpen
 from tagsway.tags.follow import _Search, follow_tags
 from tagsway.tags.predict import predict_pose
+from tagsway.tags.record import SightingRecord
 from tagsway.video.reading import read_clock, read_frames
 
 SHAPE = (200, 320)
@@ -78,6 +79,29 @@ def test_no_frames_give_no_tags() -> None:
     tracks = follow_tags(iter(()), family="tag36h11", tag_ids=[0])
     assert tracks.tags == ()
     assert len(tracks.time_s) == 0
+
+
+@pytest.mark.parametrize("frames", [0, 4095, 4096, 4097, 9000])
+def test_each_frame_of_a_long_film_keeps_its_own_sighting(frames: int) -> None:
+    record = SightingRecord(4)
+    poses = [make_pose((k, 2.0 * k), 40, 1e-4 * k) for k in range(frames)]
+    for k, pose in enumerate(poses):
+        seen = Sighting(homography=pose, covariance_px2=k * np.eye(2), angle_std_rad=2.0 * k, correlation=0.9)
+        record.append(None if k % 3 == 1 else seen)
+    joined, number = record.join(), np.arange(frames)
+    seen = number % 3 != 1
+    assert np.array_equal(joined.seen, seen)
+    assert np.array_equal(joined.centre_px[seen], np.column_stack([number, 2 * number])[seen])
+    assert np.array_equal(joined.covariance_px2[seen], (number[:, None, None] * np.eye(2))[seen])
+    assert np.array_equal(joined.angle_std_rad[seen], 2.0 * number[seen])
+    assert joined.angle_rad[seen] == pytest.approx(1e-4 * number[seen], abs=1e-12)
+    corners = np.array([sighting.corners_px for sighting in map(only_pose, poses)]).reshape(-1, 4, 2)
+    assert joined.corners_px[seen] == pytest.approx(corners[seen])
+    assert all(np.isnan(each[~seen]).all() for each in (joined.centre_px, joined.corners_px, joined.angle_std_rad))
+
+
+def only_pose(pose: np.ndarray) -> Sighting:
+    return Sighting(homography=pose, covariance_px2=np.eye(2), angle_std_rad=0.0, correlation=1.0)
 
 
 def test_dropped_frames_are_bridged_by_their_times() -> None:

@@ -1,5 +1,6 @@
 """What a film tells of its coder, and the decoder of its quantiser."""
 
+import gc
 import math
 from pathlib import Path
 
@@ -92,3 +93,15 @@ def test_coders_without_a_note_are_taken_for_fine_ones() -> None:
     assert find_coder("hevc", b"")[0].family == "hevc"
     assert find_coder("mpeg4", b"")[0].family == "half"
     assert find_coder("ffv1", b"")[0].family == "other"
+
+
+def test_an_image_is_let_go_at_once_though_its_quantiser_was_read(tmp_path: Path) -> None:
+    path = write(tmp_path / "clip.avi", "mpeg4", {}, 5)
+    gc.collect()
+    gc.disable()
+    try:
+        assert not math.isnan(steps(path)[-1])
+        kept = sum(isinstance(thing, av.VideoFrame) for thing in gc.get_objects())
+    finally:
+        gc.enable()
+    assert kept == 0

@@ -51,33 +51,30 @@ class SightingRecord:
 
     def measure_motion(self) -> tuple[float, float]:
         """Return how far the tag moved (rms about its mean place) and its mean side, in px."""
-        rows = self._join()
-        homography = _homographies(rows[np.isfinite(rows[:, 0])])
-        corners = corners_of(homography)
+        joined = self.join()
+        corners, centre = joined.corners_px[joined.seen], joined.centre_px[joined.seen]
         sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        return float(np.sqrt(homography[:, :2, 2].var(axis=0).sum())), float(sides.mean())
+        return float(np.sqrt(centre.var(axis=0).sum())), float(sides.mean())
 
     def join(self) -> TagSightings:
-        """Return all frames."""
-        rows = self._join()
-        homography = _homographies(rows)
-        return TagSightings(
+        """Return all frames; chunk by chunk, so that a long film needs no more memory than what is returned."""
+        count = self._count
+        joined = TagSightings(
             tag_id=self._tag_id,
-            correlation=rows[:, 0].copy(),
-            centre_px=homography[:, :2, 2].copy(),
-            covariance_px2=rows[:, 9:13].reshape(-1, 2, 2),
-            corners_px=corners_of(homography),
-            angle_rad=angles_of(homography),
-            angle_std_rad=rows[:, 13].copy(),
+            correlation=np.empty(count),
+            centre_px=np.empty((count, 2)),
+            covariance_px2=np.empty((count, 2, 2)),
+            corners_px=np.empty((count, 4, 2)),
+            angle_rad=np.empty(count),
+            angle_std_rad=np.empty(count),
             image_share=self._shares / self.seen if self.seen else 1.0,
         )
-
-    def _join(self) -> FloatArray:
-        if not self._chunks:
-            return np.empty((0, _WIDTH))
-        return np.concatenate(self._chunks)[: self._count]
-
-
-def _homographies(rows: FloatArray) -> FloatArray:
-    """Return the poses in rows of the record, shape (n, 3, 3)."""
-    return np.column_stack([rows[:, 1:9], np.ones(len(rows))]).reshape(-1, 3, 3)
+        for first, chunk in zip(range(0, count, _CHUNK), self._chunks, strict=True):
+            part = slice(first, min(first + _CHUNK, count))
+            rows = chunk[: part.stop - first]
+            homography = np.column_stack([rows[:, 1:9], np.ones(len(rows))]).reshape(-1, 3, 3)
+            joined.correlation[part], joined.angle_std_rad[part] = rows[:, 0], rows[:, 13]
+            joined.centre_px[part], joined.angle_rad[part] = homography[:, :2, 2], angles_of(homography)
+            joined.covariance_px2[part] = rows[:, 9:13].reshape(-1, 2, 2)
+            joined.corners_px[part] = corners_of(homography)
+        return joined

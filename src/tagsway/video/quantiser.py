@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from av.sidedata.sidedata import Type
+from av.sidedata.sidedata import SideDataContainer, Type
 
 from tagsway.model import UNKNOWN_CODING, Coding
 
@@ -75,7 +75,8 @@ def read_step(picture: Any, codec: str) -> float | None:
         In grey levels of 0..255, for a transform that keeps lengths; 0 where it is finer than these, as of a coder that
         loses nothing; None where the decoder does not tell.
     """
-    told = picture.side_data.get(Type.VIDEO_ENC_PARAMS)
+    # The picture's own `side_data` refers back to it: its memory would wait for the garbage collector.
+    told = SideDataContainer(picture).get(Type.VIDEO_ENC_PARAMS)
     if told is None or not (told.nb_blocks or codec == "vp9"):
         return None
     quantiser = np.array([float(told.qp)])
