@@ -1,6 +1,9 @@
 """Loops that numba compiles: once for a machine, then they are read from its cache."""
 
+import inspect
+import zlib
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 from numba import njit
@@ -29,12 +32,25 @@ def compile_whole(
 
     The cache lies beside the source file, else in the user's own cache folder (NUMBA_CACHE_DIR names another); where
     none of these can be written, or what is there is damaged, the function is compiled anew. It knows when the file
-    changes, not when another one does: what is compiled together stands in one file.
+    changes, not when another one does: what is compiled along stands in the same file, or is numbered by
+    `number_sources`.
     """
     try:
         return _compile(function, signature, without_lock, cached=True)
     except Exception:  # a damaged file of the cache fails in as many ways as it can be damaged
         return _compile(function, signature, without_lock, cached=False)
+
+
+def number_sources(*modules: ModuleType) -> int:
+    """Return a number, never 0, that is another one where the source of any of some modules is.
+
+    A function that closes over it is compiled anew when one of them changes: numba's cache looks at what a function
+    closes over, but not into other files than its own.
+    """
+    try:
+        return zlib.crc32("".join(map(inspect.getsource, modules)).encode()) + 1
+    except OSError:  # there are no sources that could change
+        return 1
 
 
 def _compile(

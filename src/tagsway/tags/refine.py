@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from tagsway.model import FloatArray, GreyArray, IntArray
+from tagsway.model import FloatArray, GreyArray
 from tagsway.tags.streak import find_streak
-from tagsway.tags.template import Float32Array, Template
+from tagsway.tags.template import Template
 
 _SHORTEST_MOTION_PX = 0.5  # a shorter one blurs by less than a seventh of a pixel
 _POINT = np.ones((1, 1), np.float32)
@@ -81,12 +81,12 @@ def refine(
     compared with the pattern at its own place; linear in (a p, a, b). The pixels' noise is independent, hence the
     covariance of p is σ² (JᵀJ)⁻¹ / a². Not for a first alignment: one step reaches only as far as a blur.
     """
-    see, solve = load_compiled()
+    step = load_compiled()
     moves = math.hypot(*motion_px) >= _SHORTEST_MOTION_PX
     known, streak = (template.texture_half_width, find_streak(motion_px)) if moves else (template.half_width, _POINT)
     h, scale = homography / homography[2, 2], template.scale_px
-    seen = see(grey, h, template.texture, template.printed, template.texture_half_width, known, scale, streak)
-    found = solve(*seen, h, scale, with_blocks)
+    half_width = template.texture_half_width
+    found = step(grey, h, template.texture, template.printed, half_width, known, scale, streak, with_blocks)
     if not math.isfinite(found[0]):
         return None
     x, y, turn, cross, *sandwich, variance, gain, step_px, correlation = found[9:].tolist()
@@ -102,9 +102,8 @@ def refine(
 
 
 @cache
-def load_compiled() -> tuple[Callable[..., tuple[Float32Array, IntArray, int]], Callable[..., FloatArray]]:
-    """Return the compiled parts: half a second, and the first time on a machine some seconds; then at once."""
-    from tagsway.tags.seeing import load_see
-    from tagsway.tags.solving import load_solve
+def load_compiled() -> Callable[..., FloatArray]:
+    """Return the compiled step: half a second, and the first time on a machine some seconds; then at once."""
+    from tagsway.tags.step import load_step
 
-    return load_see(), load_solve()
+    return load_step()

@@ -1,15 +1,10 @@
 """The pattern at the image's own pixels: compiled, because it is done for every pixel of a tag in every image."""
 
 import math
-from collections.abc import Callable
-from functools import cache
 
 import numpy as np
-from numba import types
 
-from tagsway.compiled import compile_part, compile_whole
-from tagsway.model import IntArray
-from tagsway.tags.template import Float32Array
+from tagsway.compiled import compile_part
 
 PLANES = 7
 """Of numbers for each pixel: the pattern's derivatives by x and y of the image, in units of the scale; the pattern; its
@@ -232,8 +227,32 @@ def _finish_row(planes, first, end, shares, grey, x_first, y, step):
         y_plane[k] = y
 
 
-def _see(grey, homography, texture, printed, half_width, known_width, scale, streak):
-    """Return the planes, where each row's pixels begin, and the region's width: see `load_see`."""
+@compile_part
+def see(grey, homography, texture, printed, half_width, known_width, scale, streak):
+    """Return the planes of all pixels that see a tag's pattern.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+        The image.
+    homography : ndarray, shape (3, 3)
+        Takes the tag's frame to it; its last element is 1.
+    texture, printed, half_width, known_width
+        Pattern and what is printed, float32, their half width, and how far of it is to be seen: see `Template`.
+    scale : float
+        Pixels to a unit of the tag's frame.
+    streak : ndarray of float32
+        What the motion draws: see `find_streak`.
+
+    Returns
+    -------
+    planes : ndarray of float32, shape (7, pixels)
+        See `PLANES`.
+    rows : ndarray of int, shape (rows + 1, 2)
+        Where each of the region's rows begins in them, and at which of its columns.
+    width : int
+        Of the region.
+    """
     left, top, width, height = _find_region(grey.shape, homography, known_width)
     texels, still, is_full = texture.shape[0], streak.size == 1, printed.size == 0
     down, right = streak.shape[0] // 2, streak.shape[1] // 2
@@ -279,22 +298,3 @@ def _see(grey, homography, texture, printed, half_width, known_width, scale, str
         x, y = np.float32((left + low - homography[0, 2]) / scale), np.float32((top + row - homography[1, 2]) / scale)
         _finish_row(planes, start, end, shares, grey[top + row, left + low :], x, y, unit)
     return planes, rows, width
-
-
-@cache
-def load_see() -> Callable[..., tuple[Float32Array, IntArray, int]]:
-    """Return the compiled function that finds the planes of all pixels that see a tag's pattern.
-
-    Returns
-    -------
-    callable
-        Takes grey (uint8, (height, width)), homography (float, (3, 3), last element 1), texture and what is printed
-        (float32, (m, m)), their half width, how far of it is to be seen, the scale in px and the streak (float32); see
-        `Template`. Returns the planes (float32, (7, pixels): see `PLANES`), where each of the region's rows begins in
-        them and at which of its columns (int, (rows + 1, 2)), and the region's width.
-    """
-    double, single = types.float64, types.float32
-    grey = types.Array(types.uint8, 2, "A", readonly=True)
-    homography = types.Array(double, 2, "A", readonly=True)
-    texture = printed = streak = types.Array(single, 2, "C", readonly=True)
-    return compile_whole(_see, (grey, homography, texture, printed, double, double, double, streak), without_lock=True)

@@ -1,14 +1,10 @@
 """The least-squares step from the planes of `tagsway.tags.seeing`: compiled, because its sums are over every pixel."""
 
 import math
-from collections.abc import Callable
-from functools import cache
 
 import numpy as np
-from numba import types
 
-from tagsway.compiled import compile_part, compile_whole
-from tagsway.model import FloatArray
+from tagsway.compiled import compile_part
 from tagsway.tags.template import PARAMETERS
 
 SUMMARY = 20
@@ -214,8 +210,28 @@ def _find_wanted(h, scale):
     return wanted
 
 
-def _solve(planes, rows, width, h, scale, with_blocks):
-    """Return the summary of a step: see `load_solve`."""
+@compile_part
+def solve(planes, rows, width, h, scale, with_blocks):
+    """Return the summary of a Gauss-Newton step.
+
+    Parameters
+    ----------
+    planes, rows, width
+        What `tagsway.tags.seeing.see` returns.
+    h : ndarray, shape (3, 3)
+        The homography; its last element is 1.
+    scale : float
+        Pixels to a unit of the tag's frame.
+    with_blocks : bool
+        Whether the sandwich is wanted.
+
+    Returns
+    -------
+    ndarray, shape (20,)
+        The new homography (9); for white noise the variances of centre x, y and angle and the covariance of x and y;
+        their sandwich (3); the residual's variance, the gain, the step in px and the correlation. The first is NaN
+        where the step is none.
+    """
     summary = np.empty(SUMMARY)
     summary[:] = math.nan
     products = _multiply(planes)
@@ -251,21 +267,3 @@ def _solve(planes, rows, width, h, scale, with_blocks):
     summary[16], summary[17], summary[18] = variance, gain, scale * longest
     summary[19] = (sums[_GAIN, 0] - sums[_OFFSET, 0] * mean) / math.sqrt(spread)
     return summary
-
-
-@cache
-def load_solve() -> Callable[..., FloatArray]:
-    """Return the compiled function that takes the Gauss-Newton step.
-
-    Returns
-    -------
-    callable
-        Takes what `tagsway.tags.seeing.load_see` returns, the homography (float, (3, 3), last element 1), the scale in
-        px, and whether the sandwich is wanted. Returns `SUMMARY` numbers, of which the first is NaN where the step is
-        none: the new homography (9); for white noise the variances of centre x, y and angle and the covariance of x
-        and y; their sandwich (3); the residual's variance, the gain, the step in px and the correlation.
-    """
-    double, boolean = types.float64, types.boolean
-    planes, rows = types.Array(types.float32, 2, "C"), types.Array(types.int64, 2, "C")
-    homography = types.Array(double, 2, "A", readonly=True)
-    return compile_whole(_solve, (planes, rows, types.int64, homography, double, boolean))

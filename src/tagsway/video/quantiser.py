@@ -76,7 +76,7 @@ def read_step(picture: Any, codec: str) -> float | None:
         loses nothing; None where the decoder does not tell.
     """
     # The picture's own `side_data` refers back to it: its memory would wait for the garbage collector.
-    told = SideDataContainer(picture).get(Type.VIDEO_ENC_PARAMS)
+    told = SideDataContainer(picture).get(Type.VIDEO_ENC_PARAMS)  # type: ignore[call-arg]  # its stub takes none
     if told is None or not (told.nb_blocks or codec == "vp9"):
         return None
     quantiser = np.array([float(told.qp)])
