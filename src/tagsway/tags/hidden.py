@@ -14,6 +14,7 @@ _LEAST_FIRST_CHANGE = 0.35  # the same where nothing is known of this tag: print
 _SIGMAS = 3.5  # of the change of the other cells
 _QUANTILE, _QUANTILE_SIGMA = 0.4, 0.5244  # of their size: up to half of a tag may be covered
 _FITS, _TRUSTED = 4, 0.7  # each fit is to the better part of the cells in the one before
+_TINY = 1e-9  # beside squares of some dozens: a column that the better cells cannot tell stays out
 _MEMORY = 8  # looks in the running mean
 
 
@@ -86,11 +87,13 @@ def _measure_cells(grey: GreyArray, homography: FloatArray, family: str, tag_id:
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     patch = cv2.warpPerspective(grey, homography @ grid, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
     cells = (means @ patch.astype(np.float64) @ means.T)[used]
-    trusted = np.ones(len(cells), dtype=bool)
+    trusted, most = np.ones(len(cells), dtype=bool), int(_TRUSTED * (len(cells) - 1))
     for _ in range(_FITS):
-        solution = np.linalg.lstsq(design[trusted], cells[trusted], rcond=None)[0]
+        known = design[trusted]
+        solution = np.linalg.solve(known.T @ known + _TINY * np.eye(known.shape[1]), known.T @ cells[trusted])
         left: FloatArray = cells - design @ solution
-        trusted = np.abs(left) <= np.quantile(np.abs(left), _TRUSTED)
+        off = np.abs(left)
+        trusted = off <= np.partition(off, most)[most]
     contrast = solution[0] + solution[1]
     return left / contrast if contrast > 1 else None
 
