@@ -1,8 +1,9 @@
 """How fast a video is tracked, against decoding alone and the plain loop.
 
-    python benchmarks/tracking.py [--frames 1000] [--threads 1 2]
+    python benchmarks/tracking.py [--frames 1000] [--threads 1 2] [--rounds 7]
 
-Every number is a ratio of two measurements of one run, taken in turn, of the best of three. Decoding alone is FFmpeg's,
+Every ratio is of two measurements of one round, taken one after the other, and the median of the rounds; the quartiles
+of tracking ÷ decoding say how much the machine's other work leaves of it. Decoding alone is FFmpeg's,
 with as many threads of its own as tagsway has decoders or threads of one (see docs/design/decoding.md). The ratio of
 processor times beside it does not depend on what else the machine does. What the machine lets anyone have is the ratio
 of a thread that takes tagsway's images and hashes for 0.3 ms each, without the interpreter's lock and without a look at
@@ -40,13 +41,14 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--frames", type=int, default=1000)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         for codec, suffix in (("h264", ".mp4"), ("mjpeg", ".avi")):
             path = Path(folder) / f"clip{suffix}"
             write_video(path, film(options.frames), fps_hz=FPS, codec=codec, quality=18.0)
             for threads in options.threads:
-                compare_speed(path, codec, threads, options.frames)
+                compare_speed(path, codec, threads, options.frames, options.rounds)
 
 
 def places(time_s: float) -> tuple[FloatArray, FloatArray]:
@@ -72,27 +74,31 @@ def film(frames: int) -> Iterator[GreyArray]:
         yield np.clip(np.rint(image + noise[rng.integers(8)]), 0, 255).astype(np.uint8)
 
 
-def compare_speed(path: Path, codec: str, threads: int, frames: int) -> None:
+def compare_speed(path: Path, codec: str, threads: int, frames: int, rounds: int) -> None:
     """Print the frames per second of tracking over those of decoding, and of the plain loop."""
-    taken: dict[str, list[tuple[float, float]]] = {"decoding": [], "hashing": [], "tracking": [], "plain": []}
     hashed = bytes(round(HASHED_S / measure(lambda: hashlib.sha256(bytes(10**7)))[0] * 10**7))
-    for _ in range(3):
-        taken["decoding"].append(measure(lambda: decode(path, threads)))
-        taken["hashing"].append(measure(lambda: hash_beside(path, threads, hashed)))
-        taken["tracking"].append(measure(lambda: track(path, threads)))
-        taken["plain"].append(measure(lambda: detect_plainly(path, min(frames, 60))))
-    best = {
-        name: (min(frames, 60) if name == "plain" else frames) / min(wall for wall, _ in times)
-        for name, times in taken.items()
-    }
-    share = min(cpu for _, cpu in taken["tracking"]) / min(cpu for _, cpu in taken["decoding"])
+    plain_frames = min(frames, 60)
+    track(path, threads)  # what is compiled is loaded once for a process
+    taken = []
+    for _ in range(rounds):
+        works = (
+            lambda: hash_beside(path, threads, hashed),
+            lambda: decode(path, threads),
+            lambda: track(path, threads),
+            lambda: detect_plainly(path, plain_frames),
+        )
+        taken.append([measure(work) for work in works])
+    seconds, busy = np.moveaxis(np.array(taken), 2, 0)
+    seconds = seconds / np.array([frames, frames, frames, plain_frames])
+    hashing, decoding, tracking, plain = seconds.T
+    quarter, half, most = np.percentile(decoding / tracking, [25, 50, 75])
     calls, rms_px = track(path, threads)
     print(
-        f"{codec}, {threads} decoder thread(s): tracking / decoding {best['tracking'] / best['decoding']:.2f}, "
-        f"tracking / plain loop {best['tracking'] / best['plain']:.1f} of {best['decoding'] / best['plain']:.1f} "
-        f"({best['tracking']:.0f}, {best['decoding']:.0f}, {best['plain']:.0f} fps); "
-        f"hashing for {1e3 * HASHED_S:.1f} ms a frame / decoding {best['hashing'] / best['decoding']:.2f}; "
-        f"processor time tracking / decoding {share:.2f}; "
+        f"{codec}, {threads} decoder thread(s): tracking / decoding {half:.2f} ({quarter:.2f} to {most:.2f}), "
+        f"tracking / plain loop {np.median(plain / tracking):.1f} of {np.median(plain / decoding):.1f} "
+        f"({', '.join(f'{1 / np.median(one):.0f}' for one in (tracking, decoding, plain))} fps); "
+        f"hashing for {1e3 * HASHED_S:.1f} ms a frame / decoding {np.median(decoding / hashing):.2f}; "
+        f"processor time tracking / decoding {np.median(busy[:, 2] / busy[:, 1]):.2f}; "
         f"detector calls {calls} in {frames} frames; RMS of the centres {rms_px:.4f} px",
         flush=True,
     )
