@@ -9,6 +9,7 @@ import pytest
 
 from tag_images import make_pose, photograph, see_tag
 from tagsway.model import Frame, Sighting
+from tagsway.model.tags import corners_of
 from tagsway.tags.find import find_tags, sharpen
 from tagsway.tags.follow import _Search, follow_tags
 from tagsway.tags.predict import predict_pose
@@ -95,13 +96,8 @@ def test_each_frame_of_a_long_film_keeps_its_own_sighting(frames: int) -> None:
     assert np.array_equal(joined.covariance_px2[seen], (number[:, None, None] * np.eye(2))[seen])
     assert np.array_equal(joined.angle_std_rad[seen], 2.0 * number[seen])
     assert joined.angle_rad[seen] == pytest.approx(1e-4 * number[seen], abs=1e-12)
-    corners = np.array([sighting.corners_px for sighting in map(only_pose, poses)]).reshape(-1, 4, 2)
-    assert joined.corners_px[seen] == pytest.approx(corners[seen])
+    assert joined.corners_px[seen] == pytest.approx(corners_of(np.array(poses).reshape(-1, 3, 3))[seen])
     assert all(np.isnan(each[~seen]).all() for each in (joined.centre_px, joined.corners_px, joined.angle_std_rad))
-
-
-def only_pose(pose: np.ndarray) -> Sighting:
-    return Sighting(homography=pose, covariance_px2=np.eye(2), angle_std_rad=0.0, correlation=1.0)
 
 
 def test_dropped_frames_are_bridged_by_their_times() -> None:
