@@ -213,6 +213,31 @@ def test_what_stops_a_decoder_is_raised_where_its_images_would_come(tmp_path: Pa
     assert ahead.take() is None
 
 
+class _Slow:
+    """A film whose images take longer than the reader looks for them without being woken."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def decode(self, threads: int, share: Share = WHOLE) -> Iterator[Iterator[Entry]]:
+        for run in self._source.decode(threads, share):
+            yield self._read(run)
+
+    def _read(self, run: Iterator[Entry]) -> Iterator[Entry]:
+        for entry in run:
+            time.sleep(0.03)
+            yield entry
+
+
+def test_slow_images_are_waited_for(tmp_path: Path) -> None:
+    for k, image in enumerate(pan()[:6]):
+        cv2.imwrite(str(tmp_path / f"{k:04d}.png"), image)
+    sources: Any = [_Slow(open_source(tmp_path))]
+    ahead = DecodedAhead(sources, [WHOLE], threads=1, queue_frames=8, later_frames=0)
+    taken = [ahead.take() for _ in range(7)]
+    assert [None if entry is None else entry[0] for entry in taken] == [0, 1, 2, 3, 4, 5, None]
+
+
 @pytest.mark.parametrize(
     ("runs", "threads", "decoders"),
     [
