@@ -16,7 +16,7 @@ def scatter_of(places: np.ndarray, *, stated: float, time_s: np.ndarray | None =
     times = np.arange(len(places)) / 200 if time_s is None else time_s
     for time, place in zip(times, places, strict=True):
         scatter.add(float(time), np.full(3, place), np.full(3, stated))
-    return float(scatter.variance[0])
+    return float(scatter.excess[0]) * stated
 
 
 def test_white_noise_is_measured() -> None:

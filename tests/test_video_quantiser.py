@@ -41,14 +41,14 @@ def steps(path: Path) -> list[float]:
 
 @pytest.mark.parametrize(
     ("encoder", "suffix", "expected"),
-    [("mpeg4", ".avi", 13.5), ("mpeg2video", ".mkv", 5.4), ("flv", ".flv", 13.5)],
+    [("mpeg4", ".avi", 10.0), ("mpeg2video", ".mkv", 4.6), ("flv", ".flv", 10.0)],
 )
 def test_the_step_of_coders_with_half_pixels_is_known(
     tmp_path: Path, encoder: str, suffix: str, expected: float
 ) -> None:
     found = steps(write(tmp_path / f"clip{suffix}", encoder, {}, 5))
     assert math.isnan(found[0])  # nothing was predicted yet
-    assert found[1:] == pytest.approx([expected] * 9)  # identity: 1.35 times twice the quantiser; 0.54 for MPEG-2
+    assert found[1:] == pytest.approx([expected] * 9)  # identity: twice the quantiser; 0.46 of it for MPEG-2
 
 
 @pytest.mark.parametrize(
@@ -70,14 +70,27 @@ def test_a_coder_that_loses_nothing_has_no_step(tmp_path: Path) -> None:
     assert steps(write(tmp_path / "clip.mkv", "libx264", {"preset": "faster", "qp": "0"}))[1:] == [0.0] * 9
 
 
-@pytest.mark.parametrize(("preset", "family"), [("ultrafast", "hevc_coarse"), ("medium", "hevc")])
-def test_the_family_of_hevc_is_known_and_no_step(tmp_path: Path, preset: str, family: str) -> None:
-    options = {"preset": preset, "x265-params": "log-level=none:pools=1:frame-threads=1"}
+def test_hevc_tells_no_step(tmp_path: Path) -> None:
+    options = {"preset": "medium", "x265-params": "log-level=none:pools=1:frame-threads=1"}
     path = write(tmp_path / "clip.mp4", "libx265", options)
     with read_frames(path, read_clock(path)) as frames:
         found = [frame.coding for frame in frames]
-    assert {coding.family for coding in found} == {family}
+    assert {coding.family for coding in found} == {"hevc"}
     assert all(math.isnan(coding.step) for coding in found)
+
+
+def test_each_image_tells_its_own_step_and_whether_it_was_made_from_both_sides(tmp_path: Path) -> None:
+    options = {"preset": "faster", "qp": "24", "x264-params": "threads=1:b-adapt=0:bframes=2:scenecut=0:b-pyramid=none"}
+    path = write(tmp_path / "clip.mp4", "libx264", options)
+    with read_frames(path, read_clock(path)) as frames:
+        found = [frame.coding for frame in frames]
+    # identity: the first, then two between and one across, again and again
+    assert [coding.between for coding in found] == [False, *([True, True, False] * 3)]
+    steps_told = {between: {coding.step for coding in found[1:] if coding.between == between} for between in (0, 1)}
+    # identity: 10 grey levels at a quantiser of 24; x264's images between have one that is coarser by a factor of 1.3
+    assert steps_told[0] == {10.0}
+    assert min(steps_told[1]) > 12
+    assert max(steps_told[1]) < 14
 
 
 def test_the_step_of_vp9_grows_with_its_quantiser(tmp_path: Path) -> None:

@@ -14,24 +14,27 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coding:
-    """What is known of the coder that made a film.
+    """What is known of how an image was coded.
 
     Parameters
     ----------
     family : str
         "whole", "half": moves blocks by whole or half pixels only, and leaves each motion's rest to its corrections.
-        "h264", "hevc", "vp9": finer vectors. "hevc_coarse": x265's with "subme=0". "other" where it is none of these.
+        "h264", "hevc", "vp9": finer vectors. "other" where it is none of these.
     step : float
-        Change, in grey levels, below which it corrects nothing: its quantiser's step. NaN where that is not known; 0
-        where nothing is lost.
+        Change, in grey levels, below which nothing is corrected: this image's mean quantiser step. NaN where that is
+        not known; 0 where nothing is lost.
+    between : bool
+        Whether it was made from images before and after it, as B-frames are.
     """
 
-    family: Literal["whole", "half", "h264", "hevc", "hevc_coarse", "vp9", "other"] = "other"
+    family: Literal["whole", "half", "h264", "hevc", "vp9", "other"] = "other"
     step: float = math.nan
+    between: bool = False
 
 
 UNKNOWN_CODING = Coding()
-"""Of a coder, if there was one, of which nothing is known."""
+"""Of an image, if it was coded at all, of which nothing is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

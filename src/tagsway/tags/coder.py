@@ -3,45 +3,68 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from tagsway.model import UNKNOWN_CODING, Coding
 from tagsway.tags.scatter import Scatter
 
 _UNEVEN = math.exp(0.1)  # the blocks of raw images stay below, by chance
 _HIDDEN = 0.05  # of white noise's variance: so much of what blocks have apart hides in it, at least
-_SIZE_PX, _SMALLER = 40.0, -0.3  # a tag's side, and the power of it: more blocks, more of their errors even out
-_SLOW_PX, _SHARED = 0.4, 0.27  # an image: faster, and the axis that the tag moves along has the larger share
-_TURNED_PX, _TORN = 0.2, 0.3  # an image, at an edge: a tag that turns moves each of its blocks by another way
-_STEP, _STEP_SMALLER = 0.125, -0.45  # of the contrast: a quantiser's step of 20 grey levels; as above
+# Where the laws below are 1, but for their `px`: a tag's side, a quantiser's step of 20 grey levels over the contrast,
+# what its blocks have apart, and how strong its noise is, as a variance times the side.
+_SIDE_PX, _STEP, _APART_PX2, _GRAIN_PX3 = 40.0, 0.125, 2e-5, 4e-4
+_LEAST_GRAIN, _MOST_GRAIN = 0.1, 12.5  # times that: beyond nothing was measured
+_FAST_PX, _TURNED_PX, _CREEP_PX = 0.4, 0.2, 0.07  # an image; the second of them at an edge
+_SLOWEST = 0.1  # of a creep
+_LONGEST_PX = 0.3  # no vector is farther off
 _ANGLE_TOGETHER = 2.5  # variance of the angle that all blocks share, over what their differences show
-_LAG, _LAG_ANGLE = 0.55, 0.4  # px, and px at an edge, to a coarse coder's step that is as large as the contrast
-_CREEP_PX = 0.07  # an image: slower, and noise corrects the lag meanwhile
-_FROZEN = 2.0  # what blocks have apart, of an image that was coded by itself
+_FRESH = 0.3  # of what blocks have apart, in an image that was coded by itself
 _SPEED_MEMORY = 4  # images
 _REST_MEMORY = 40  # images: after so many at rest a coder has corrected what it left
 _NO_WAY = 4.0  # variances of the place: by so much it seems to have moved at rest
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Law:
-    """How much of a tag's place a family of coders holds back, in px: at even blocks, and at a step of `_STEP`."""
+class Powers(NamedTuple):
+    """The powers of what tells a coder's pull, in the variance of a tag's place; see `CoderPull`."""
 
-    apart_px: float = 0.89
-    power: float = 0.73  # of what blocks have apart, in the variance of what they have in common
-    step_px: float = 0.0
-    step_power: float = 0.0
-    fast_power: float = 0.0
+    step: float
+    side: float
+    apart: float
+    grain: float
+    fast: float
+    along: float
+    turned: float
+    creep: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Law:
+    """How much of a tag's place coders hold back."""
+
+    px: float
+    """Standard error where all that has a power is 1."""
+    least: float
+    """Variance that is there in any case, of what the blocks have apart."""
+    powers: Powers
 
 
 _LAWS = {
-    "h264": _Law(step_px=0.0241, step_power=1.25),
-    "hevc": _Law(apart_px=2.15, power=0.85),  # its loop filter and large blocks leave more than their differences show
-    "hevc_coarse": _Law(apart_px=2.72, power=0.85),
-    "vp9": _Law(apart_px=1.18, step_px=0.027, step_power=3.0, fast_power=0.45),
-    "other": _Law(),
+    # px, least; step, side, apart, grain, fast, along, turned, creep
+    "whole": _Law(0.0862, 1.67, Powers(2.42, -0.48, 0.26, -0.65, -0.14, -0.15, -0.78, 0.83)),
+    "half": _Law(0.0807, 0.05, Powers(1.72, -0.56, 0.40, -0.76, -0.46, -0.10, -0.74, 0.87)),
+    "h264": _Law(0.0185, 2.24, Powers(0.49, -0.53, 1.01, -0.58, -0.09, 0.02, -1.76, -0.40)),
+    "hevc": _Law(0.0185, 0.44, Powers(0.00, -0.02, 0.85, -0.05, -0.13, 0.11, -1.65, -0.42)),
+    "vp9": _Law(0.0297, 0.41, Powers(3.78, -1.67, 0.09, -1.70, -0.20, 0.00, -0.51, 0.12)),
+    "other": _Law(0.0244, 0.36, Powers(0.00, 0.26, 0.51, 0.40, -0.14, 0.12, -0.43, 0.52)),
 }
-_LAG_FAST = {"whole": 0.05, "half": 0.25}  # powers of the squared speed: vectors of half pixels can follow a fast tag
-_LONGEST_LAG_PX = {"whole": 0.2, "half": 0.1}  # ... and then vectors follow even a slow one
+_LAWS_ACROSS = {
+    "h264": _Law(0.0264, 1.68, Powers(1.92, -1.14, 0.43, -1.02, 0.02, 3.38, -2.70, -0.42)),
+    "hevc": _Law(0.0233, 0.49, Powers(0.00, 0.28, 0.59, 0.48, -0.05, 0.38, -4.17, -0.06)),
+}
+_LAWS_BETWEEN = {
+    "h264": _Law(0.0160, 2.60, Powers(0.40, -0.67, 0.65, -0.41, 0.14, 0.12, -0.02, -0.27)),
+    "hevc": _Law(0.0317, 0.66, Powers(0.00, 0.19, 0.33, 0.60, 0.02, 0.21, -0.19, 0.10)),
+}
 
 
 class CoderPull:
@@ -49,44 +72,42 @@ class CoderPull:
 
     Notes
     -----
-    H.264, HEVC and their like make an image from the one before: blocks are moved by a vector and corrected only where
-    that is worth the bits. What is not worth them stays as an error of the place, up to some hundredths of a pixel, and
-    lasts: a tag that starts lags behind its motion, one that stops is drawn short of its place. Neighbouring blocks
-    share their vectors, so most of that error is common to all of a tag, where no residual of the image shows it.
+    H.264, HEVC and their like make an image from others: blocks are moved by a vector and corrected only where that is
+    worth the bits. What is not worth them stays as an error of the place, up to some hundredths of a pixel, and lasts:
+    a tag that starts lags behind its motion, one that stops is drawn short of its place. Neighbouring blocks share
+    their vectors, so most of that error is common to all of a tag, where no residual of the image shows it.
 
-    What tells it is, first, how the blocks differ: the variance of the place from the residual's sums over blocks
-    exceeds the one of white noise, w, by u; the common variance goes with u + √(u w) to the power of 0.73, of 0.85 for
-    HEVC. Second, the quantiser's step Δ over the contrast, where the decoder tells it: with Δ^1.25 for H.264 (a
-    vector's quarter pixels set a limit), with Δ³ for VP9 (noise helps what is just below the step). The geometric mean
-    of both counts, for each fails where the other does not: noise hides how the blocks of a small tag differ, and a
-    coder's presets use a step unlike.
+    What tells it is a product of powers, for x and y each:
+
+        σ² = px² Δᵃ uᵇ nᶜ Lᵈ (1 + v²)ᵉ ((1 + v_i²) / (1 + v_x² + v_y²))ᶠ (1 + w²)ᵍ min(v_i, 1)ʰ
+
+    with the quantiser's step Δ over the contrast, where the decoder tells it; how the blocks differ, u: the variance of
+    the place from the residual's sums over blocks, beyond the one of white noise; that noise, n, which helps
+    corrections over the quantiser's step; the tag's side L; and its speed v, by axis v_i, and turning w, from image to
+    image, each over its own scale.
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
-    motion to the corrections, and none is made that is smaller than its quantiser's step: all blocks lag behind alike,
-    and nothing shows it. The lag is 0.55 px times Δ over the contrast, 0.2 px at the most (0.1 with half pixels),
-    whatever the tag's size, but less for what creeps by less than 0.07 px an image (noise corrects it meanwhile) and
-    for a tag that turns, whose blocks lag each by another bit.
+    motion to its corrections, so there Δ tells most. H.264 and HEVC have three laws each. An image that is made from
+    those before and after it (a B-frame) gets few corrections, and the one after such images, made across them, many: a
+    fast or turning tag is off by three times as much in the first. Where each image is made from the one before, as
+    cameras do, it is in between.
 
-    All of that holds for each axis by its own motion: one that does not move is not held back, and the error cannot
-    exceed the way since the last image that was coded by itself (for a coarse coder, which holds a tag before that
-    already: the way of late). It is mended while the tag rests. What goes beyond it for some images, `Scatter` sees.
+    An axis that does not move is not held back: the error is no larger than the way of late. What goes beyond all of
+    that for some images, `Scatter` sees; it makes the stated errors larger by a factor. Where each image was coded by
+    itself the blocks show all, unless it was taken from a film that was not: then the scatter alone counts.
 
-    The constants are from rendered films of 20 to 90 px (H.264 from "ultrafast" to "slow" at crf 12 to 28, HEVC, VP9,
-    MPEG-4 Part 2) and were held against others: benchmarks/accuracy.py. There the normalised variance of a moving tag
-    is 0.3 to 1.9, two in three between 0.7 and 1.2. Too small is the variance where a large tag creeps in x264's
-    "superfast" and "ultrafast", and in HEVC's bursts of error, whose quantiser is not told; too large for steady creep
-    in x264's slower presets, and in MPEG-4 for a large tag that turns.
-
-    Where each image was coded by itself the blocks show all, unless it was taken from a film that was not: then the
-    scatter counts.
+    The powers are from rendered films of 20 to 90 px, with noise of 1 to 8 grey levels (H.264 from "ultrafast" to
+    "slow" at crf 12 to 28, with and without B-frames, HEVC, VP9, MPEG-2 and MPEG-4 Part 2; VP8 and AV1 for those of
+    which nothing is known), by the likelihood of their errors; benchmarks/accuracy.py holds them against others.
     """
 
     def __init__(self) -> None:
         self._scatter = Scatter()
         self._last: tuple[float, ...] | None = None
-        self._since_image, self._lately = (_Way(), _Way(), _Way()), (_Way(), _Way(), _Way())
+        self._ways = (_Way(), _Way())
         self._speed_px = 0.0
         self._velocity, self._squares = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        self._since_between = _REST_MEMORY
         self.is_at_work = False
 
     def measure(
@@ -99,7 +120,7 @@ class CoderPull:
         predicted: bool,
         coding: Coding = UNKNOWN_CODING,
         gain: float = 1.0,
-        side_px: float = _SIZE_PX,
+        side_px: float = _SIDE_PX,
     ) -> list[float]:
         """Return the variances of x, y and angle that a coder adds to those that the image shows.
 
@@ -114,7 +135,7 @@ class CoderPull:
         predicted : bool
             Whether the image was made from others.
         coding : Coding
-            What is known of the coder.
+            How it was.
         gain : float
             Grey levels from the tag's black to its white.
         side_px : float
@@ -124,62 +145,60 @@ class CoderPull:
         uneven = [max(one - _UNEVEN * even, 0.0) for one, even in zip(blocks, white, strict=True)]
         if not (self.is_at_work or (uneven[0] > 0 and uneven[1] > 0)):
             return [0.0, 0.0, 0.0]
-        self._scatter.add(time_s, place, blocks)
-        shown = white if self.is_at_work else blocks
-        scatter = [max(one - even, 0.0) for one, even in zip(self._scatter.variance.tolist(), shown, strict=True)]
-        if not self.is_at_work:
-            return scatter
-        self._move((float(place[0]), float(place[1]), float(place[2])), predicted=predicted)
-        step = coding.step / gain
-        if coding.family in _LAG_FAST:
-            held, ways = self._measure_lag(coding.family, step, side_px), self._lately
-        else:
-            held, ways = self._measure_common(coding.family, step, side_px, white, uneven), self._since_image
-        reached = [max(way.square - _NO_WAY * even, 0.0) for way, even in zip(ways, blocks, strict=True)]
-        angle = _ANGLE_TOGETHER * (uneven[2] + math.sqrt(uneven[2] * white[2]))
-        limited = [min(one, most) for one, most in zip(held, reached, strict=True)]
-        limited[2] = max(limited[2], angle)
-        return [max(one, more, _FROZEN * least) for one, more, least in zip(limited, scatter, uneven, strict=True)]
+        held = [0.0, 0.0, 0.0]
+        if self.is_at_work:
+            self._move((float(place[0]), float(place[1]), float(place[2])))
+            held = self._measure_held(predicted, coding, gain, side_px, white, uneven)
+            held[2] = _ANGLE_TOGETHER * (uneven[2] + math.sqrt(uneven[2] * white[2]))
+        stated = [one + more for one, more in zip(blocks, held, strict=True)]
+        self._scatter.add(time_s, place, stated)
+        excess = self._scatter.excess.tolist()
+        return [max(times, 1.0) * whole - shown for times, whole, shown in zip(excess, stated, blocks, strict=True)]
 
     def interrupt(self) -> None:
         """Forget the last places, after a gap."""
         self._scatter.interrupt()
         self._last = None
 
-    def _measure_common(
-        self, family: str, step: float, side_px: float, white: Sequence[float], uneven: Sequence[float]
+    def _measure_held(
+        self,
+        predicted: bool,
+        coding: Coding,
+        gain: float,
+        side_px: float,
+        white: Sequence[float],
+        uneven: Sequence[float],
     ) -> list[float]:
         """Return the variances of x and y that all blocks share, and none of the angle."""
-        law = _LAWS[family]
-        size = side_px / _SIZE_PX
-        told = law.step_px**2 * (step / _STEP) ** law.step_power * size**_STEP_SMALLER if law.step_px > 0 else math.nan
-        moved = 1 + (self._squares[0] + self._squares[1]) / _SLOW_PX**2
-        torn = (1 + self._turn_px2(side_px) / _TURNED_PX**2) ** -_TORN * self._fast() ** -law.fast_power
-        common = [0.0, 0.0, 0.0]
+        if not predicted:
+            return [_FRESH * uneven[0], _FRESH * uneven[1], 0.0]
+        self._since_between = 0 if coding.between else self._since_between + 1
+        law = _find_law(coding, across=self._since_between < _REST_MEMORY)
+        held = [0.0, 0.0, 0.0]
         for axis in range(2):
-            even, least = white[axis], uneven[axis]
-            hidden = 0.0 if math.isnan(told) else _HIDDEN * even
-            seen = law.apart_px**2 * (least + math.sqrt(least * even) + hidden) ** law.power * size**_SMALLER
-            share = ((1 + self._squares[axis] / _SLOW_PX**2) / moved) ** _SHARED
-            common[axis] = torn * share * (seen if math.isnan(told) else math.sqrt(seen * told))
-        return common
+            even, apart = white[axis], uneven[axis]
+            factors = self.list_factors(axis, coding.step / gain, side_px, even, apart)
+            pull = law.px**2 * math.prod(map(pow, factors, law.powers))
+            reached = max(self._ways[axis].square - _NO_WAY * (even + apart), 0.0)
+            held[axis] = max(min(pull, reached, _LONGEST_PX**2), law.least * apart)
+        return held
 
-    def _measure_lag(self, family: str, step: float, side_px: float) -> list[float]:
-        """Return the variances of x, y and angle by which a coder that moves blocks coarsely lags behind."""
-        turn_px2 = self._turn_px2(side_px)
-        longest = min(_LAG * step, _LONGEST_LAG_PX[family]) if step > 0 else 0.0
-        whole = longest**2 * self._fast() ** -_LAG_FAST[family] / (1 + turn_px2 / _TURNED_PX**2)
-        along = [whole * min(math.sqrt(self._squares[axis]) / _CREEP_PX, 1.0) for axis in range(2)]
-        return [*along, (_LAG_ANGLE / _LAG * longest / (side_px / 2)) ** 2 * min(math.sqrt(turn_px2) / _CREEP_PX, 1.0)]
+    def list_factors(self, axis: int, step: float, side_px: float, even: float, apart: float) -> Powers:
+        """Return what tells the pull of an axis, each over where it is 1: the step over the contrast, and so on."""
+        squares = self._squares
+        both = 1 + (squares[0] + squares[1]) / _FAST_PX**2
+        return Powers(
+            step=1.0 if math.isnan(step) else step / _STEP,
+            side=side_px / _SIDE_PX,
+            apart=(apart + math.sqrt(apart * even) + _HIDDEN * even) / _APART_PX2,
+            grain=min(max(even * side_px / _GRAIN_PX3, _LEAST_GRAIN), _MOST_GRAIN),
+            fast=1 + (self._speed_px / _FAST_PX) ** 2,
+            along=(1 + squares[axis] / _FAST_PX**2) / both,
+            turned=1 + squares[2] * (side_px / 2 / _TURNED_PX) ** 2,
+            creep=min(max(math.sqrt(squares[axis]) / _CREEP_PX, _SLOWEST), 1.0),
+        )
 
-    def _fast(self) -> float:
-        return 1 + (self._speed_px / _SLOW_PX) ** 2
-
-    def _turn_px2(self, side_px: float) -> float:
-        """Return how far an edge turns from image to image, squared."""
-        return self._squares[2] * (side_px / 2) ** 2
-
-    def _move(self, place: tuple[float, ...], *, predicted: bool) -> None:
+    def _move(self, place: tuple[float, ...]) -> None:
         if self._last is not None:
             steps = [there - was for there, was in zip(place, self._last, strict=True)]
             self._speed_px += (math.hypot(steps[0], steps[1]) - self._speed_px) / _SPEED_MEMORY
@@ -187,11 +206,15 @@ class CoderPull:
                 self._velocity[axis] += (step - self._velocity[axis]) / _SPEED_MEMORY
                 self._squares[axis] += (self._velocity[axis] ** 2 - self._squares[axis]) / _REST_MEMORY
         self._last = place
-        if not predicted:
-            self._since_image = (_Way(), _Way(), _Way())
-        for ways in (self._since_image, self._lately):
-            for way, one in zip(ways, place, strict=True):
-                way.go_on(one)
+        for way, one in zip(self._ways, place, strict=False):
+            way.go_on(one)
+
+
+def _find_law(coding: Coding, *, across: bool) -> _Law:
+    """Return the law of an image's coder; the one of unknown coders where a step is missing."""
+    laws = _LAWS_BETWEEN if coding.between else _LAWS_ACROSS if across else _LAWS
+    law = laws.get(coding.family, _LAWS[coding.family])
+    return _LAWS["other"] if law.powers.step > 0 and math.isnan(coding.step) else law
 
 
 class _Way:

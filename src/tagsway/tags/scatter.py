@@ -24,14 +24,15 @@ _COLOUR = 0.85  # the largest of three such estimates is larger than the noise
 
 
 class Scatter:
-    """The variance of a tag's centre and angle about a smooth motion, over the last images.
+    """How much a tag's centre and angle scatter about a smooth motion, over what was stated of the last images.
 
     Notes
     -----
-    The n-th divided difference of n + 1 places at their true times is free of any motion of degree n - 1; scaled to
-    unit length its square has the variance of one place. Higher orders remove more of the motion, and the order that
-    leaves least is believed. A difference over every second or fourth image sees what an error has in common with its
-    neighbours, but more of the motion too: it counts where its two highest orders agree, as those of noise do.
+    The n-th divided difference of n + 1 places at their true times is free of any motion of degree n - 1; the mean of
+    its square, over the mean of what the places' stated variances make of it, is 1 where these are right. Higher orders
+    remove more of the motion, and the order that leaves least is believed. A difference over every second or fourth
+    image sees what an error has in common with its neighbours, but more of the motion too: it counts where its two
+    highest orders agree, as those of noise do.
 
     An error that stays for longer than a dozen images does not scatter: this does not see it.
     """
@@ -40,16 +41,17 @@ class Scatter:
         self._add = load_add()
         self._time_s = -1.0 - np.arange(_HELD)  # the newest first; none of them twice
         self._place = np.zeros((_HELD, 3))
+        self._stated = np.zeros((_HELD, 3))
         self._held = 0
         self._added = 0
-        self._squares = np.zeros((len(_STRIDES), _ORDERS, 3))
+        self._squares = np.zeros((2, len(_STRIDES), _ORDERS, 3))
         self._counts = np.zeros((len(_STRIDES), _ORDERS))
-        self._variance = np.zeros(3)
+        self._excess = np.zeros(3)
 
     @property
-    def variance(self) -> FloatArray:
-        """Of (x, y, angle), shape (3,); 0 as long as too few images have been seen."""
-        return self._variance
+    def excess(self) -> FloatArray:
+        """Variance over the stated one, of (x, y, angle), shape (3,); 0 as long as too few images have been seen."""
+        return self._excess
 
     def add(self, time_s: float, place: Sequence[float], stated: Sequence[float]) -> None:
         """Take in one image.
@@ -61,18 +63,20 @@ class Scatter:
         place : sequence of 3 float
             Centre (x, y in px) and angle (rad, unwrapped).
         stated : sequence of 3 float
-            Variances of these as the image alone shows them.
+            Variances of these, as far as this image's are known.
         """
         if not time_s > self._time_s[0]:
             return
         self._time_s[1:] = self._time_s[:-1]
         self._place[1:] = self._place[:-1]
-        self._time_s[0], self._place[0] = time_s, place
+        self._stated[1:] = self._stated[:-1]
+        self._time_s[0], self._place[0], self._stated[0] = time_s, place, stated
         self._held = min(self._held + 1, _HELD)
         self._added += 1
         if self._added % _EVERY == 0 and self._held > _LEAST_ORDER:
-            least = np.maximum(self._variance, stated)
-            self._variance = self._add(self._time_s, self._place, self._held, least, self._squares, self._counts)
+            self._excess = self._add(
+                self._time_s, self._place, self._stated, self._held, self._excess, self._squares, self._counts
+            )
 
     def interrupt(self) -> None:
         """Forget the last images, after a gap, but not how much they scattered."""
@@ -80,21 +84,17 @@ class Scatter:
 
 
 @compile_part
-def _differ(time_s, place, stride, order, axis):
-    """Return the divided difference of places, every so many images, its weights of unit length."""
-    total, length = 0.0, 0.0
-    for k in range(order + 1):
-        product = 1.0
-        for other in range(order + 1):
-            if other != k:  # in units of the first step, so that no product is too small
-                product *= (time_s[stride * k] - time_s[stride * other]) / (time_s[0] - time_s[stride])
-        total += (place[stride * k, axis] - place[0, axis]) / product
-        length += 1 / product**2
-    return total / math.sqrt(length)
+def _weigh(time_s, stride, order, k):
+    """Return the weight of a place in the divided difference of places, every so many images."""
+    product = 1.0
+    for other in range(order + 1):
+        if other != k:  # in units of the first step, so that no product is too small
+            product *= (time_s[stride * k] - time_s[stride * other]) / (time_s[0] - time_s[stride])
+    return 1 / product
 
 
-def _add(time_s, place, held, least, squares, counts):
-    variance = np.zeros(3)
+def _add(time_s, place, stated, held, known, squares, counts):
+    difference, expected = np.zeros(3), np.zeros(3)
     for s in range(len(_STRIDES)):
         stride = _STRIDES[s]
         for o in range(_ORDERS):
@@ -102,25 +102,36 @@ def _add(time_s, place, held, least, squares, counts):
             if not stride * order < held:
                 continue
             counts[s, o] += 1
+            difference[:], expected[:], length = 0.0, 0.0, 0.0
+            for k in range(order + 1):
+                weight = _weigh(time_s, stride, order, k)
+                length += weight**2
+                for axis in range(3):
+                    difference[axis] += weight * (place[stride * k, axis] - place[0, axis])
+                    expected[axis] += weight**2 * stated[stride * k, axis]
             for axis in range(3):
-                square = _differ(time_s, place, stride, order, axis) ** 2
-                square = min(square, _MOST_AT_ONCE * least[axis])
-                squares[s, o, axis] += (square - squares[s, o, axis]) / min(counts[s, o], _MEMORY)
+                most = _MOST_AT_ONCE * max(known[axis], 1.0) * expected[axis]
+                square = min(difference[axis] ** 2, most) / length
+                share = 1 / min(counts[s, o], _MEMORY)
+                squares[0, s, o, axis] += share * (square - squares[0, s, o, axis])
+                squares[1, s, o, axis] += share * (expected[axis] / length - squares[1, s, o, axis])
+    excess = np.zeros(3)
     for axis in range(3):
         near = 0.0  # what neighbours show
         for s in range(len(_STRIDES)):
             quiet = math.inf  # the order that leaves least
             for o in range(_ORDERS):
-                if counts[s, o] >= _FEWEST:
-                    quiet = min(quiet, squares[s, o, axis])
-            noisy = counts[s, -1] >= _FEWEST and squares[s, -1, axis] > _AGREE * squares[s, -2, axis]
+                if counts[s, o] >= _FEWEST and squares[1, s, o, axis] > 0:
+                    quiet = min(quiet, squares[0, s, o, axis] / squares[1, s, o, axis])
+            last, before = squares[0, s, -1, axis], squares[0, s, -2, axis]
+            noisy = counts[s, -1] >= _FEWEST and last > _AGREE * before
             if s == 0:
                 near = quiet if quiet < math.inf else 0.0
-                variance[axis] = near
+                excess[axis] = near
             elif noisy and quiet < math.inf:
-                variance[axis] = max(variance[axis], min(quiet, _MOST_SHARED * near))
-        variance[axis] *= _COLOUR
-    return variance
+                excess[axis] = max(excess[axis], min(quiet, _MOST_SHARED * near))
+        excess[axis] *= _COLOUR
+    return excess
 
 
 @cache
@@ -130,9 +141,10 @@ def load_add() -> Callable[..., FloatArray]:
     Returns
     -------
     callable
-        Takes times (25,) and places (25, 3), the newest first; how many of them are known; the least variances that
-        one square is held against (3,); and the running squares (3, 4, 3) and their counts (3, 4) by stride and order,
-        which it goes on with. Returns the largest scatter of all strides that see noise, shape (3,).
+        Takes times (25,), places and stated variances (25, 3 each), the newest first; how many of them are known; the
+        excess so far (3,), against which one square is held; and the running squares of the differences, measured and
+        expected, (2, 3, 4, 3), and their counts (3, 4), by stride and order, which it goes on with. Returns the largest
+        excess of all strides that see noise, shape (3,).
     """
-    one, two, three = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3))
-    return compile_whole(_add, (one, two, types.int64, one, three, two))
+    one, two, four = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 4))
+    return compile_whole(_add, (one, two, two, types.int64, one, four, two))

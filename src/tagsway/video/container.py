@@ -5,6 +5,7 @@ import re
 from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from av.video.frame import PictureType
 
 from tagsway.errors import InputError
 from tagsway.model import UNKNOWN_CODING, GreyArray, IntArray, Notice
-from tagsway.video.quantiser import EXPORT, find_coder, mix_step, read_step
+from tagsway.video.quantiser import EXPORT, find_coder, read_step
 from tagsway.video.runs import ONE_RUN, Runs, Share, cut_evenly, recognise_fresh_start
 from tagsway.video.source import WHOLE, Entry, Stamps
 
@@ -27,8 +28,6 @@ _BLACK, _WHITE = 16, 235  # of 8-bit luma in limited range
 _SQUARE = 2e-3  # pixels whose sides differ by less count as square
 _NO_STAMP = -(2**63)
 _UNTIMED = 0x80  # AVFMT_NOTIMESTAMPS: a coder's bare stream, whose times FFmpeg makes up at 25 Hz
-_STEP_EVERY = 7  # predicted images: reading it takes half as long as a tag
-_STEP_MEMORY = 4  # readings: an error lasts longer than the quantiser that made it
 _BY_ITSELF = (PictureType.NONE, PictureType.I)  # how an image is coded that needs no other
 
 
@@ -42,7 +41,7 @@ class ContainerSource:
         self.turns = 0
         self.predicted = False
         self.coding = UNKNOWN_CODING
-        self._codec, self._held, self._until_step = "", 0.0, 0
+        self._codec, self._held = "", 0.0
 
     def read_stamps(self) -> Stamps:
         """Walk through the packets."""
@@ -81,9 +80,7 @@ class ContainerSource:
     def read_grey(self, picture: Any, *, full_range: bool) -> GreyArray:
         """Return a picture's luma with square pixels, upright, of one field where there are two."""
         grey: Any
-        self.predicted = picture.pict_type not in _BY_ITSELF
-        if self._held and self.predicted:
-            self._learn_step(picture)
+        self._learn_coding(picture)
         if picture.planes[0].line_size < 0:
             # The last row comes first in memory, as in a bitmap: only a conversion knows where the first one is.
             converted = picture.reformat(format="yuvj444p" if picture.format.name == "gray" else "gray")
@@ -105,19 +102,18 @@ class ContainerSource:
 
     def _know_coder(self, context: Any, first: Any) -> None:
         """Learn the coder's family, and have the decoder tell its quantiser."""
-        self._codec, self._until_step = context.name, 0
+        self._codec = context.name
         start = b"" if first is None else bytes(first)
         self.coding, self._held = find_coder(self._codec, bytes(context.extradata or b"") + start)
         if self._held:
             context.options = EXPORT
 
-    def _learn_step(self, picture: Any) -> None:
-        self._until_step -= 1
-        if self._until_step < 0:
-            self._until_step = _STEP_EVERY - 1
-            step = read_step(picture, self._codec)
-            if step is not None:
-                self.coding = mix_step(self.coding, self._held * step, share=1 / _STEP_MEMORY)
+    def _learn_coding(self, picture: Any) -> None:
+        kind = picture.pict_type
+        self.predicted = kind not in _BY_ITSELF
+        step = read_step(picture, self._codec) if self._held and self.predicted else None
+        told = self.coding.step if step is None else self._held * step
+        self.coding = replace(self.coding, step=told, between=kind == PictureType.B)
 
     def notices(self) -> tuple[Notice, ...]:
         """Say where images were interlaced, and where pixels were not square."""

@@ -1,7 +1,6 @@
 """What is known of a film's coder: its family, and how coarsely it corrects what it moves."""
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,12 @@ from tagsway.model import UNKNOWN_CODING, Coding
 EXPORT = {"export_side_data": "venc_params"}
 """What the decoder must be asked for, before it is opened."""
 
-# x264 and x265 write their settings into the first image: 0 moves by whole pixels, 1 corrects little.
+# x264 writes its settings into the first image: 0 moves by whole pixels, 1 corrects little.
 _X264 = re.compile(rb"x264 - core .{0,600}subme=([01]) ", re.DOTALL)
-_X265 = re.compile(rb"x265 \(build .{0,1600}subme=0 ", re.DOTALL)
-# How much of a step is held back, over x264's: what MPEG-1 and 2 code at all they put into the middle of the step,
-# hence nearer to the truth.
-_HALF_PIXELS = {"mpeg1video": 0.54, "mpeg2video": 0.54} | dict.fromkeys(
-    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.35
+# How much of a step is held back: what MPEG-1 and 2 code at all they put into the middle of the step, hence nearer to
+# the truth.
+_HALF_PIXELS = {"mpeg1video": 0.46, "mpeg2video": 0.46} | dict.fromkeys(
+    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.0
 )
 _SUPERFAST = 2.2
 _FIRST_STEP = 0.625  # of H.264, at quantiser 0; it doubles every six
@@ -26,7 +24,7 @@ _FIRST_STEP = 0.625  # of H.264, at quantiser 0; it doubles every six
 _INDICES = (0, 1, 95, 120, 137, 150, 180, 215, 255)
 _EIGHTHS = (4, 8, 102, 152, 203, 255, 448, 864, 1828)
 _BLOCK_WORDS = 5  # of 32 bits, to a block: x, y, width, height, and what its quantiser is more than the image's
-_THINNED = 3  # of so many blocks one is read
+_READ = 160  # blocks of an image, about: their quantisers' mean is known to a quarter then
 
 
 def find_coder(codec: str, start: bytes) -> tuple[Coding, float]:
@@ -52,7 +50,7 @@ def find_coder(codec: str, start: bytes) -> tuple[Coding, float]:
         share = _SUPERFAST if known is not None and not whole else 1.0
         return Coding(family="whole" if whole else "h264"), share
     if codec == "hevc":
-        return Coding(family="hevc_coarse" if _X265.search(start) else "hevc"), 0.0
+        return Coding(family="hevc"), 0.0
     if codec.endswith("vp9"):
         return Coding(family="vp9"), 1.0 if codec == "vp9" else 0.0
     share = _HALF_PIXELS.get(codec, 0.0)
@@ -82,16 +80,11 @@ def read_step(picture: Any, codec: str) -> float | None:
     quantiser = np.array([float(told.qp)])
     if told.nb_blocks:
         words = np.frombuffer(told, np.int32)[told.blocks_offset // 4 :][: _BLOCK_WORDS * told.nb_blocks]
-        quantiser = told.qp + words[_BLOCK_WORDS - 1 :: _BLOCK_WORDS * _THINNED].astype(float)
+        thinned = max(told.nb_blocks // _READ, 1) | 1  # odd: not always blocks of the same columns
+        quantiser = told.qp + words[_BLOCK_WORDS - 1 :: _BLOCK_WORDS * thinned].astype(float)
     unit = 2.0 ** (picture.format.components[0].bits - 8)
     step = float(np.mean(_measure_steps(quantiser, codec, unit)))
     return step if step > 1 else 0.0
-
-
-def mix_step(coding: Coding, step: float, *, share: float) -> Coding:
-    """Return a coding whose step has gone so much of the way to a new one."""
-    known = coding.step if coding.step > 0 else step
-    return replace(coding, step=known + share * (step - known))
 
 
 def _measure_steps(quantiser: Any, codec: str, unit: float) -> Any:
