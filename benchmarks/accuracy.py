@@ -35,6 +35,8 @@ PLACES = ("along a line", "swinging", "dying out", "creeping", "at rest")
 MOVING = len(PLACES) - 1
 RESTS = ((70.3, 380.6), (65.7, 70.2), (575.1, 385.3))
 X265 = {"x265-params": "log-level=none:pools=1:frame-threads=1"}
+X265_IN_LINE = {"x265-params": X265["x265-params"] + ":bframes=0"}
+IN_LINE = {"tune": "zerolatency", "profile": "baseline"}
 # Name, FFmpeg's encoder, container, options; quantiser, where it is fixed.
 CODECS: tuple[tuple[str, str, str, dict[str, str], int], ...] = (
     ("raw", "rawvideo", ".avi", {}, 0),
@@ -64,6 +66,13 @@ CODECS: tuple[tuple[str, str, str, dict[str, str], int], ...] = (
     ("mpeg4 4 Mb/s", "mpeg4", ".mp4", {"b": "4000000"}, 0),
     ("mpeg4 q 2", "mpeg4", ".avi", {}, 2),
     ("mpeg2 q 6", "mpeg2video", ".mkv", {}, 6),
+    # Each image from the one before, often afresh, at a rate: as cameras write.
+    ("h264 in line 20", "libx264", ".mp4", {"preset": "veryfast", "crf": "20", "bf": "0", "g": "30"}, 0),
+    ("h264 in line 4 M", "libx264", ".mp4", {"preset": "veryfast", "b": "4000000", "g": "60"} | IN_LINE, 0),
+    ("h264 in line 23", "libx264", ".mp4", {"preset": "medium", "crf": "23", "bf": "0", "g": "60"}, 0),
+    ("hevc in line 23", "libx265", ".mp4", {"preset": "fast", "crf": "23", "g": "60"} | X265_IN_LINE, 0),
+    ("vp8 4 Mb/s", "libvpx", ".mkv", {"b": "4000000", "deadline": "realtime", "cpu-used": "6"}, 0),
+    ("av1 35", "libsvtav1", ".mkv", {"crf": "35", "preset": "9"}, 0),
 )
 
 

@@ -1,0 +1,169 @@
+"""Fit the laws of `tagsway.tags.coder` anew, and print them as they stand there: an hour for all of them.
+
+    python benchmarks/coders.py [--only hevc] [--sides 20 40 60 90] [--noises 1 2 3 5 8] [--frames 240]
+
+Films of `benchmarks/accuracy.py`, of each size and noise one that nothing else uses, are written in every codec; what
+tells a coder's pull is recorded at each image, and the powers are those of the largest likelihood of the centres'
+errors. Beside each law: how much larger its mean log-likelihood is, to a coordinate, than that of the law in use.
+"""
+
+import argparse
+import math
+import os
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+import tagsway.tags.align
+from tagsway.model import Coding, FloatArray
+from tagsway.tags.coder import CoderPull, Powers
+from tagsway.tags.follow import follow_tags
+from tagsway.video.reading import read_clock, read_frames
+
+sys.path.insert(0, str(Path(__file__).parent))
+import accuracy
+
+LONGEST_PX2 = 0.3**2
+RIDGE = 1e-4  # of the powers: two that tell the same share it
+
+
+class Seen(NamedTuple):
+    """What is known of a tag in an image, and where it is, shape (2,) each but for the factors', (2, 8)."""
+
+    time_s: float
+    place_px: Sequence[float]
+    shown_px2: Sequence[float]
+    held_px2: Sequence[float]
+    apart_px2: Sequence[float]
+    reached_px2: Sequence[float]
+    factors: Sequence[Powers]
+
+
+class Recorder(CoderPull):
+    """A coder's pull that notes what it is made from."""
+
+    seen: ClassVar[defaultdict[tuple[str, str], list[list[Seen]]]] = defaultdict(list)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._mine: dict[tuple[str, str], list[Seen]] = {}
+
+    def measure(self, time_s: float, place: Sequence[float], **known: Any) -> list[float]:
+        """Note the place as well."""
+        self._here = time_s, (place[0], place[1]), known["blocks"][:2]
+        return super().measure(time_s, place, **known)
+
+    def _measure_held(
+        self,
+        predicted: bool,
+        coding: Coding,
+        gain: float,
+        side_px: float,
+        white: Sequence[float],
+        uneven: Sequence[float],
+    ) -> list[float]:
+        held = super()._measure_held(predicted, coding, gain, side_px, white, uneven)
+        if predicted:
+            kind = "between" if coding.between else "across" if self._since_between < 40 else "in line"
+            factors = [
+                self.list_factors(axis, coding.step / gain, side_px, white[axis], uneven[axis]) for axis in (0, 1)
+            ]
+            reached = [max(self._ways[axis].square - 4 * self._here[2][axis], 0.0) for axis in (0, 1)]
+            key = coding.family, kind
+            if key not in self._mine:
+                self._mine[key] = []
+                self.seen[key].append(self._mine[key])
+            self._mine[key].append(Seen(*self._here, held[:2], uneven[:2], reached, factors))
+        return held
+
+
+def main() -> None:
+    """Film, fit and print."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--only", default="", help="the codecs whose name contains this")
+    parser.add_argument("--sides", type=float, nargs="+", default=[20.0, 40.0, 60.0, 90.0])
+    parser.add_argument("--noises", type=float, nargs="+", default=[1.0, 2.0, 3.0, 5.0, 8.0])
+    parser.add_argument("--frames", type=int, default=240)
+    options = parser.parse_args()
+    tagsway.tags.align.CoderPull = Recorder  # type: ignore[misc]
+    measured: defaultdict[tuple[str, str], list[FloatArray]] = defaultdict(list)
+    for side in options.sides:
+        for seed, noise in enumerate(options.noises, 100):
+            for family, records in film(side, noise, seed, options.frames, options.only).items():
+                measured[family] += records
+            print(f"filmed: {side:.0f} px, noise {noise:.0f}", flush=True)
+    print("family, kind: px, least; " + ", ".join(Powers._fields))
+    for (family, kind), records in sorted(measured.items()):
+        law, gained = fit_law(records)
+        print(f'{kind}: "{family}": {law}  # {gained:+.3f}', flush=True)
+
+
+def film(side: float, noise: float, seed: int, frames: int, only: str) -> dict[tuple[str, str], list[FloatArray]]:
+    """Return what was seen of each tag in each codec, shape (images, 2, 5 + 8) each, by family and kind."""
+    accuracy.NOISE = noise
+    images = list(accuracy.film(frames, side, seed))
+    measured: defaultdict[tuple[str, str], list[FloatArray]] = defaultdict(list)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, encoder, suffix, options, quantiser in accuracy.CODECS:
+            if only not in name:
+                continue
+            path = Path(folder) / f"clip{suffix}"
+            accuracy.encode(path, images, encoder, options, quantiser)
+            Recorder.seen.clear()
+            with read_frames(path, read_clock(path), full_range=False) as video:
+                follow_tags(video, family="tag36h11", tag_ids=list(range(accuracy.MOVING + len(accuracy.RESTS))))
+            for key, records in Recorder.seen.items():
+                measured[key] += [tabulate(seen, side, seed) for seen in records if len(seen) > 2 * accuracy.SETTLED]
+    return measured
+
+
+def tabulate(record: list[Seen], side: float, seed: int) -> FloatArray:
+    """Return squared error, shown, held, apart, reached and the factors' logarithms, by image and axis."""
+    rows = []
+    for seen in record:
+        if seen.time_s * accuracy.FPS < accuracy.SETTLED:
+            continue
+        centres = [pose[:2, 2] for pose in accuracy.places(seen.time_s, side, seed)]
+        truth = min(centres, key=lambda centre: math.dist(centre, seen.place_px))
+        error = (np.array(seen.place_px) - truth) ** 2
+        known = np.stack([error, seen.shown_px2, seen.held_px2, seen.apart_px2, seen.reached_px2], axis=1)
+        rows.append(np.concatenate([known, np.log(np.maximum(seen.factors, 1e-9))], axis=1))
+    return np.array(rows)
+
+
+def fit_law(records: list[FloatArray]) -> tuple[str, float]:
+    """Return a law as it is written, and what it gains in likelihood over the one in use; each tag weighs the same."""
+    table = np.concatenate([record.reshape(-1, record.shape[2]) for record in records])
+    weight = np.concatenate([np.full(2 * len(record), 0.5 / len(record) / len(records)) for record in records])
+    error, shown, held, apart, reached = table[:, :5].T
+    design = np.column_stack([np.ones(len(table)), table[:, 5:]])
+
+    def cost(law: FloatArray) -> tuple[float, FloatArray]:
+        """Return twice the mean negative log-likelihood, and its gradient."""
+        pull, least = np.exp(np.minimum(design @ law[:-1], 5)), np.exp(law[-1]) * apart
+        limited = np.minimum(np.minimum(pull, reached), LONGEST_PX2)
+        variance = shown + np.maximum(limited, least)
+        slope = weight * (1 - error / variance) / variance
+        is_free = (limited == pull) & (pull > least)
+        gradient = np.append(design.T @ (slope * np.where(is_free, pull, 0)), slope @ np.where(is_free, 0, least))
+        ridge = RIDGE * np.append(0.0, law[1:])
+        return float(weight @ (np.log(variance) + error / variance)) + ridge @ law / 2, gradient + ridge
+
+    start = np.zeros(design.shape[1] + 1)
+    start[0] = math.log(4e-4)
+    law = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": 800}).x
+    in_use = float(weight @ (np.log(shown + held) + error / (shown + held)))
+    powers = ", ".join(f"{power + 0:.2f}" for power in law[1:-1])
+    written = f"_Law({math.exp(law[0] / 2):.4f}, {math.exp(law[-1]):.2f}, Powers({powers})),"
+    return written, (in_use - cost(law)[0]) / 2
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("SVT_LOG", "1")
+    main()
