@@ -178,6 +178,13 @@ def test_images_made_from_both_sides_hold_more_of_a_fast_turn_and_those_across_t
     assert between[0] > 4 * across[0]
 
 
+def test_across_images_made_from_both_sides_the_axis_that_hardly_moves_is_corrected() -> None:
+    line = {"way_px": (2.0, 0.3), "step": 0.12, "family": "h264"}
+    across = measure_step(**line, between=3, images=81)
+    assert across[1] < 0.2 * across[0]
+    assert across[1] < 0.3 * measure_step(**line)[1]
+
+
 def test_a_coder_whose_step_is_not_told_is_taken_for_an_unknown_one() -> None:
     known = [measure(np.linspace(0, 1.5, FRAMES), coding=Coding(family=family)) for family in ("vp9", "other")]
     np.testing.assert_array_equal(*known)

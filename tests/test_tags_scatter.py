@@ -26,6 +26,19 @@ def test_white_noise_is_measured() -> None:
     assert 0.8 < np.mean(found) / 0.02**2 < 1.2
 
 
+def test_images_that_are_known_to_be_noisier_than_others_say_nothing_of_these() -> None:
+    rng = np.random.default_rng(7)
+    std = np.where(np.arange(400) % 4, 0.03, 0.003)  # three of four images
+    found = []
+    for _ in range(40):
+        scatter = Scatter()
+        for k, place in enumerate(std * rng.normal(size=400)):
+            scatter.add(k / 200, np.full(3, place), np.full(3, std[k] ** 2))
+        found.append(scatter.excess[0])
+    # statistics: as above; the places of the quiet images alone, held against the whole, would have 75
+    assert 0.8 < np.mean(found) < 1.4
+
+
 def test_noise_that_neighbours_share_is_seen_farther_apart() -> None:
     rng = np.random.default_rng(4)
     found = []
