@@ -153,6 +153,18 @@ def test_intervals_cover_the_truth_in_95_of_100_white_or_coloured(pole: float) -
     assert np.all(hits <= binom.ppf(0.9999, trials, 0.97))
 
 
+@pytest.mark.parametrize(("pole", "told"), [(0.0, 0), (0.5, 0), (0.9, 10)])
+def test_it_is_told_where_what_is_left_is_far_from_white(pole: float, told: int) -> None:
+    rng, found = np.random.default_rng(10), 0
+    for _ in range(10):
+        time, x, _ = make_decay(rng, noise=0.0)
+        coloured = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.standard_normal(len(time) + 300))[300:]
+        notices = identify_modes(make_track(time, x + 3e-4 * coloured), whole(time)).notices
+        found += "coloured_residual" in {notice.code for notice in notices}
+    # closed form: (1 - a²) / |1 - a e^(-iω)|² is 1, 3 and 12 at the swing's 0.08 rad a sample; it is told from 6 on
+    assert found == told
+
+
 def test_bound_agrees_with_its_many_cycle_form() -> None:
     time = np.arange(4000) / RATE_HZ
     omega, zeta, amplitude, noise = 2 * np.pi * 2.5, 0.02, 0.03, 5e-4

@@ -22,7 +22,7 @@ CYCLES_PER_MODE = 3.0
 """Below which the envelope is not seen well enough to say what damps it."""
 
 COLOURED = 6.0
-"""Power density at the sway's frequency over that of white noise from which it is told: a codec's noise has 2 to 4."""
+"""Power density at the sway's frequency over that of white noise from which it is told: a codec's has up to 4.5."""
 
 REJECTED = 1.5
 """Residual of a linear decay over that of the fit with drag or friction from which it is told: chance makes 1.1."""
