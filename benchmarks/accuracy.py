@@ -11,6 +11,7 @@ is printed, each of other noise, before another wall, and from another place and
 
 import argparse
 import math
+import os
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -129,6 +130,9 @@ def film(frames: int, side: float, seed: int) -> Iterator[GreyArray]:
             motion = tuple(soon[tag_id][:2, 2] - now[tag_id][:2, 2])
             image = see_tag(now[tag_id], image.shape, tag_id=tag_id, motion_px=motion, onto=image)
         yield photograph(image, NOISE, rng)
+
+
+os.environ.setdefault("SVT_LOG", "1")  # the coder of AV1 tells its errors alone
 
 
 def encode(path: Path, images: list[GreyArray], encoder: str, options: dict[str, str], quantiser: int) -> None:

@@ -10,7 +10,6 @@ larger its mean log-likelihood is, to a coordinate, than that of the law in use.
 
 import argparse
 import math
-import os
 import sys
 import tempfile
 from collections import defaultdict
@@ -23,14 +22,13 @@ from scipy.optimize import minimize
 
 import tagsway.tags.align
 from tagsway.model import Coding, FloatArray
-from tagsway.tags.coder import CoderPull, Powers
+from tagsway.tags.coder import LONGEST_PX, CoderPull, Powers
 from tagsway.tags.follow import follow_tags
 from tagsway.video.reading import read_clock, read_frames
 
 sys.path.insert(0, str(Path(__file__).parent))
 import accuracy
 
-LONGEST_PX2 = 0.3**2
 RIDGE = 1e-4  # of the powers: two that tell the same share it
 
 
@@ -60,26 +58,18 @@ class Recorder(CoderPull):
         self._here = time_s, (place[0], place[1]), known["blocks"][:2]
         return super().measure(time_s, place, **known)
 
-    def _measure_held(
-        self,
-        predicted: bool,
-        coding: Coding,
-        gain: float,
-        side_px: float,
-        white: Sequence[float],
-        uneven: Sequence[float],
-    ) -> list[float]:
-        held = super()._measure_held(predicted, coding, gain, side_px, white, uneven)
+    def _measure_held(self, predicted: bool, coding: Coding, *known: Any) -> list[float]:
+        held = super()._measure_held(predicted, coding, *known)
         if predicted:
-            kind = "between" if coding.between else "across" if self._since_between < 40 else "in line"
-            factors = [
-                self.list_factors(axis, coding.step / gain, side_px, white[axis], uneven[axis]) for axis in (0, 1)
-            ]
-            reached = [max(self._ways[axis].square - 4 * self._here[2][axis], 0.0) for axis in (0, 1)]
+            gain, side_px, white, uneven = known
+            noise = [(axis, white[axis], uneven[axis]) for axis in (0, 1)]
+            factors = [self.list_factors(axis, coding.step / gain, side_px, even, apart) for axis, even, apart in noise]
+            kind = "between" if coding.between else "across" if self.is_across else "in line"
             key = coding.family, kind
             if key not in self._mine:
                 self._mine[key] = []
                 self.seen[key].append(self._mine[key])
+            reached = [self.reach(*one) for one in noise]
             self._mine[key].append(Seen(*self._here, held[:2], uneven[:2], reached, factors))
         return held
 
@@ -148,7 +138,7 @@ def fit_law(records: list[FloatArray]) -> tuple[str, float]:
     def cost(law: FloatArray) -> tuple[float, FloatArray]:
         """Return twice the mean negative log-likelihood, and its gradient."""
         pull, least = np.exp(np.minimum(design @ law[:-1], 5)), np.exp(law[-1]) * apart
-        limited = np.minimum(np.minimum(pull, reached), LONGEST_PX2)
+        limited = np.minimum(np.minimum(pull, reached), LONGEST_PX**2)
         variance = shown + np.maximum(limited, least)
         slope = weight * (1 - error / variance) / variance
         is_free = (limited == pull) & (pull > least)
@@ -166,5 +156,4 @@ def fit_law(records: list[FloatArray]) -> tuple[str, float]:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("SVT_LOG", "1")
     main()

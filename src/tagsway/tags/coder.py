@@ -16,7 +16,7 @@ _SIDE_PX, _STEP, _APART_PX2, _GRAIN_PX3 = 40.0, 0.125, 2e-5, 4e-4
 _LEAST_GRAIN, _MOST_GRAIN = 0.1, 12.5  # times that: beyond nothing was measured
 _FAST_PX, _TURNED_PX, _CREEP_PX = 0.4, 0.2, 0.07  # an image; the second of them at an edge
 _SLOWEST = 0.1  # of a creep
-_LONGEST_PX = 0.3  # no vector is farther off
+LONGEST_PX = 0.3  # no vector is farther off
 _ANGLE_TOGETHER = 2.5  # variance of the angle that all blocks share, over what their differences show
 _FRESH = 0.3  # of what blocks have apart, in an image that was coded by itself
 _SPEED_MEMORY = 4  # images
@@ -173,15 +173,23 @@ class CoderPull:
         if not predicted:
             return [_FRESH * uneven[0], _FRESH * uneven[1], 0.0]
         self._since_between = 0 if coding.between else self._since_between + 1
-        law = _find_law(coding, across=self._since_between < _REST_MEMORY)
+        law = _find_law(coding, across=self.is_across)
         held = [0.0, 0.0, 0.0]
         for axis in range(2):
             even, apart = white[axis], uneven[axis]
             factors = self.list_factors(axis, coding.step / gain, side_px, even, apart)
             pull = law.px**2 * math.prod(map(pow, factors, law.powers))
-            reached = max(self._ways[axis].square - _NO_WAY * (even + apart), 0.0)
-            held[axis] = max(min(pull, reached, _LONGEST_PX**2), law.least * apart)
+            held[axis] = max(min(pull, self.reach(axis, even, apart), LONGEST_PX**2), law.least * apart)
         return held
+
+    @property
+    def is_across(self) -> bool:
+        """Whether images were lately made from both sides, so that the others are made across them."""
+        return self._since_between < _REST_MEMORY
+
+    def reach(self, axis: int, even: float, apart: float) -> float:
+        """Return the square of an axis' way of late, beyond what noise of these variances makes of it."""
+        return max(self._ways[axis].square - _NO_WAY * (even + apart), 0.0)
 
     def list_factors(self, axis: int, step: float, side_px: float, even: float, apart: float) -> Powers:
         """Return what tells the pull of an axis, each over where it is 1: the step over the contrast, and so on."""
