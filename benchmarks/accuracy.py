@@ -159,8 +159,8 @@ def compare_codecs(side: float, frames: int, films: int, only: str) -> None:
     drawn = [list(film(frames, side, seed)) for seed in range(films)]
     bound = bound_centre(make_pose((150.3, 150.2), side, 0.1), (300, 300), NOISE)
     print(f"\nside {side:.0f} px: RMS / bound, normalised variance")
-    print(f"{'':18s}" + "".join(f"{name:>16s}" for name in PLACES))
-    moving: list[float] = []
+    print(f"{'':18s}" + "".join(f"{name:>16s}" for name in PLACES) + "  moving")
+    moving: list[list[float]] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, encoder, suffix, options, quantiser in CODECS:
             if only not in name:
@@ -170,17 +170,18 @@ def compare_codecs(side: float, frames: int, films: int, only: str) -> None:
                 encode(path, images, encoder, options, quantiser)
                 measured.append(measure_film(path, side, seed))
             means = np.mean(measured, axis=0)
-            print(
-                f"{name:18s}" + "".join(f"{math.sqrt(one) / bound:10.2f}{two:6.2f}" for one, two in means), flush=True
-            )
-            moving += [float(two) for _, two in means[:MOVING]]
+            moving.append([float(two) for _, two in means[:MOVING]])
+            columns = "".join(f"{math.sqrt(one) / bound:10.2f}{two:6.2f}" for one, two in means)
+            print(f"{name:18s}{columns}{np.mean(moving[-1]):8.2f}", flush=True)
     if moving:
-        share = np.mean([0.8 <= one <= 1.2 for one in moving])
-        print(
-            f"moving tags: median {np.median(moving):.2f}, {min(moving):.2f} to {max(moving):.2f}, "
-            f"{share:.0%} between 0.8 and 1.2, {np.mean(np.array(moving) > 1.4):.0%} above 1.4",
-            flush=True,
-        )
+        print(f"codecs, all moving tags: {sum_up(np.mean(moving, axis=1))}")
+        print(f"codecs, motion by motion: {sum_up(np.ravel(moving))}", flush=True)
+
+
+def sum_up(variances: FloatArray) -> str:
+    """Say how near normalised variances are to 1."""
+    share = np.mean((variances >= 0.8) & (variances <= 1.2))
+    return f"median {np.median(variances):.2f}, {variances.min():.2f} to {variances.max():.2f}, {share:.0%} within 20 %"
 
 
 def measure_film(path: Path, side: float, seed: int) -> FloatArray:

@@ -165,8 +165,21 @@ def test_a_tag_that_turns_is_held_back_less_for_its_blocks_lag_apart() -> None:
 @pytest.mark.parametrize("family", ["h264", "vp9", "half", "whole"])
 def test_the_step_tells_a_common_pull(family: str) -> None:
     slow = [measure_step((0.1, 0.0), step=step, family=family)[0] for step in (0.05, 0.1)]
-    assert slow[1] > 1.3 * slow[0]
+    assert slow[1] > 1.25 * slow[0]
     assert measure_step((0.1, 0.0), step=0.0, family=family)[0] < 2 * UNEVEN[0]  # nothing is lost
+
+
+def test_a_step_beyond_the_contrast_holds_back_no_more() -> None:
+    half, all_of_it, more = (measure_step((0.1, 0.0), step=step, family="h264")[0] for step in (0.5, 1.0, 100.0))
+    assert half < all_of_it < more < 1.2 * all_of_it
+
+
+@pytest.mark.parametrize(("between", "images"), [(0, 80), (3, 80), (3, 81)])
+def test_a_coder_that_told_its_settings_has_laws_of_its_own(between: int, images: int) -> None:
+    families = ("h264", "x264_rd", "hevc", "x265", "x265_rd", "x265_ultrafast")
+    creep = {"way_px": (0.1, 0.05), "step": 0.12, "between": between, "images": images}
+    held = [round(measure_step(**creep, family=family)[0], 9) for family in families]
+    assert len(set(held)) == len(families)
 
 
 @pytest.mark.parametrize("family", ["h264", "hevc"])

@@ -40,23 +40,29 @@ def steps(path: Path) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("encoder", "suffix", "expected"),
-    [("mpeg4", ".avi", 10.0), ("mpeg2video", ".mkv", 4.6), ("flv", ".flv", 10.0)],
+    ("encoder", "suffix", "quantiser", "expected"),
+    # identity: twice the quantiser, one less where that is odd; 0.46 of it for MPEG-2
+    [("mpeg4", ".avi", 5, 9.0), ("mpeg4", ".avi", 6, 12.0), ("mpeg2video", ".mkv", 5, 4.6), ("flv", ".flv", 5, 9.0)],
 )
 def test_the_step_of_coders_with_half_pixels_is_known(
-    tmp_path: Path, encoder: str, suffix: str, expected: float
+    tmp_path: Path, encoder: str, suffix: str, quantiser: int, expected: float
 ) -> None:
-    found = steps(write(tmp_path / f"clip{suffix}", encoder, {}, 5))
+    found = steps(write(tmp_path / f"clip{suffix}", encoder, {}, quantiser))
     assert math.isnan(found[0])  # nothing was predicted yet
-    assert found[1:] == pytest.approx([expected] * 9)  # identity: twice the quantiser; 0.46 of it for MPEG-2
+    assert found[1:] == pytest.approx([expected] * 9)
 
 
 @pytest.mark.parametrize(
-    ("preset", "family", "share"), [("ultrafast", "whole", 1.0), ("superfast", "h264", 2.2), ("faster", "h264", 1.0)]
+    ("preset", "family", "share"),
+    [
+        ("ultrafast", "whole", 1.0),
+        ("superfast", "h264", 2.2),
+        ("faster", "h264", 1.0),
+        ("fast", "x264_rd", 1.0),
+        ("slow", "x264_rd", 1.0),
+    ],
 )
-def test_whole_pixels_are_known_by_the_note_of_the_coder(
-    tmp_path: Path, preset: str, family: str, share: float
-) -> None:
+def test_h264_is_known_by_the_note_of_the_coder(tmp_path: Path, preset: str, family: str, share: float) -> None:
     path = write(tmp_path / "clip.mp4", "libx264", {"preset": preset, "qp": "30", "tune": "zerolatency"})
     with read_frames(path, read_clock(path)) as frames:
         found = [frame.coding for frame in frames]
@@ -70,13 +76,24 @@ def test_a_coder_that_loses_nothing_has_no_step(tmp_path: Path) -> None:
     assert steps(write(tmp_path / "clip.mkv", "libx264", {"preset": "faster", "qp": "0"}))[1:] == [0.0] * 9
 
 
-def test_hevc_tells_no_step(tmp_path: Path) -> None:
-    options = {"preset": "medium", "x265-params": "log-level=none:pools=1:frame-threads=1"}
+@pytest.mark.parametrize(
+    ("preset", "family"),
+    [("ultrafast", "x265_ultrafast"), ("superfast", "x265"), ("fast", "x265"), ("medium", "x265_rd")],
+)
+def test_hevc_is_known_by_the_note_of_the_coder_and_tells_no_step(tmp_path: Path, preset: str, family: str) -> None:
+    options = {"preset": preset, "x265-params": "log-level=none:pools=1:frame-threads=1"}
     path = write(tmp_path / "clip.mp4", "libx265", options)
     with read_frames(path, read_clock(path)) as frames:
         found = [frame.coding for frame in frames]
-    assert {coding.family for coding in found} == {"hevc"}
+    assert {coding.family for coding in found} == {family}
     assert all(math.isnan(coding.step) for coding in found)
+
+
+def test_hevc_without_a_note_is_of_an_unknown_coder(tmp_path: Path) -> None:
+    options = {"preset": "medium", "x265-params": "log-level=none:pools=1:frame-threads=1:info=0"}
+    path = write(tmp_path / "clip.mp4", "libx265", options)
+    with read_frames(path, read_clock(path)) as frames:
+        assert {frame.coding.family for frame in frames} == {"hevc"}
 
 
 def test_each_image_tells_its_own_step_and_whether_it_was_made_from_both_sides(tmp_path: Path) -> None:
@@ -105,6 +122,7 @@ def test_coders_without_a_note_are_taken_for_fine_ones() -> None:
     assert find_coder("h264", b"\x00\x00\x01\x65 subme=0 ")[0].family == "h264"
     assert find_coder("hevc", b"")[0].family == "hevc"
     assert find_coder("mpeg4", b"")[0].family == "half"
+    assert find_coder("vp8", b"")[0].family == "vp8"
     assert find_coder("ffv1", b"")[0].family == "other"
 
 

@@ -20,7 +20,8 @@ class Coding:
     ----------
     family : str
         "whole", "half": moves blocks by whole or half pixels only, and leaves each motion's rest to its corrections.
-        "h264", "hevc", "vp9": finer vectors. "other" where it is none of these.
+        "h264", "hevc", "vp8", "vp9": finer vectors; "x264_rd", "x265", "x265_rd", "x265_ultrafast" where the coder of
+        H.264 or HEVC told its settings: rd where it weighs what a vector costs. "other" where it is none of these.
     step : float
         Change, in grey levels, below which nothing is corrected: this image's mean quantiser step. NaN where that is
         not known; 0 where nothing is lost.
@@ -28,7 +29,9 @@ class Coding:
         Whether it was made from images before and after it, as B-frames are.
     """
 
-    family: Literal["whole", "half", "h264", "hevc", "vp9", "other"] = "other"
+    family: Literal[
+        "whole", "half", "h264", "x264_rd", "hevc", "x265", "x265_rd", "x265_ultrafast", "vp8", "vp9", "other"
+    ] = "other"
     step: float = math.nan
     between: bool = False
 

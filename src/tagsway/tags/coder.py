@@ -13,6 +13,7 @@ _HIDDEN = 0.05  # of white noise's variance: so much of what blocks have apart h
 # Where the laws below are 1, but for their `px`: a tag's side, a quantiser's step of 20 grey levels over the contrast,
 # what its blocks have apart, and how strong its noise is, as a variance times the side.
 _SIDE_PX, _STEP, _APART_PX2, _GRAIN_PX3 = 40.0, 0.125, 2e-5, 4e-4
+_MOST_STEP = 4.0  # times that: the step of a pale tag may be coarser, but holds back no more
 _LEAST_GRAIN, _MOST_GRAIN = 0.1, 12.5  # times that: beyond nothing was measured
 _FAST_PX, _TURNED_PX, _CREEP_PX = 0.4, 0.2, 0.07  # an image; the second of them at an edge
 _SLOWEST = 0.1  # of a creep
@@ -50,20 +51,33 @@ class _Law:
 
 _LAWS = {
     # px, least; step, side, apart, grain, fast, along, turned, creep
-    "whole": _Law(0.0862, 1.67, Powers(2.42, -0.48, 0.26, -0.65, -0.14, -0.15, -0.78, 0.83)),
-    "half": _Law(0.0807, 0.05, Powers(1.72, -0.56, 0.40, -0.76, -0.46, -0.10, -0.74, 0.87)),
-    "h264": _Law(0.0185, 2.24, Powers(0.49, -0.53, 1.01, -0.58, -0.09, 0.02, -1.76, -0.40)),
+    "whole": _Law(0.1242, 1.67, Powers(2.98, -0.49, 0.27, -0.66, -0.15, -0.15, -0.78, 0.83)),
+    "half": _Law(0.1226, 0.05, Powers(2.22, -0.59, 0.29, -0.75, -0.46, -0.11, -0.72, 0.88)),
+    "h264": _Law(0.0233, 2.35, Powers(0.42, -0.61, 0.83, -0.58, -0.14, -0.01, -1.72, -0.38)),
+    "x264_rd": _Law(0.0379, 1.46, Powers(2.22, -0.72, 0.32, -0.66, -0.03, 0.01, -1.18, -0.36)),
     "hevc": _Law(0.0185, 0.44, Powers(0.00, -0.02, 0.85, -0.05, -0.13, 0.11, -1.65, -0.42)),
-    "vp9": _Law(0.0297, 0.41, Powers(3.78, -1.67, 0.09, -1.70, -0.20, 0.00, -0.51, 0.12)),
-    "other": _Law(0.0244, 0.36, Powers(0.00, 0.26, 0.51, 0.40, -0.14, 0.12, -0.43, 0.52)),
+    "x265_ultrafast": _Law(0.0851, 0.04, Powers(0.00, -0.41, 0.37, -0.54, -0.32, -0.07, -1.23, 0.66)),
+    "x265": _Law(0.0185, 0.26, Powers(0.00, -0.02, 0.74, -0.05, -0.12, 0.08, -1.49, -0.43)),
+    "x265_rd": _Law(0.0186, 0.67, Powers(0.00, -0.42, 0.95, -0.42, -0.15, 0.13, -1.18, -0.41)),
+    "vp8": _Law(0.0253, 0.08, Powers(0.00, 0.41, 0.59, 0.23, -0.30, 0.08, -1.11, 0.62)),
+    "vp9": _Law(0.0476, 0.40, Powers(4.38, -1.67, 0.09, -1.70, -0.20, 0.00, -0.50, 0.12)),
+    "other": _Law(0.0227, 0.34, Powers(0.00, 0.15, 0.65, 0.22, -0.12, 0.11, -0.47, 0.47)),
 }
 _LAWS_ACROSS = {
-    "h264": _Law(0.0264, 1.68, Powers(1.92, -1.14, 0.43, -1.02, 0.02, 3.38, -2.70, -0.42)),
+    "h264": _Law(0.0321, 1.72, Powers(1.99, -1.11, 0.55, -0.98, -0.02, 2.52, -2.98, -0.38)),
+    "x264_rd": _Law(0.0391, 1.72, Powers(3.12, -1.35, 0.48, -1.26, 0.07, 4.16, -1.86, -0.43)),
     "hevc": _Law(0.0233, 0.49, Powers(0.00, 0.28, 0.59, 0.48, -0.05, 0.38, -4.17, -0.06)),
+    "x265_ultrafast": _Law(0.0364, 0.58, Powers(0.00, -0.01, 0.56, 0.07, -0.15, 0.11, -2.30, -0.13)),
+    "x265": _Law(0.0198, 0.34, Powers(0.00, -0.35, 0.62, -0.21, 0.01, 0.13, -5.25, -0.15)),
+    "x265_rd": _Law(0.0169, 0.44, Powers(0.00, -0.27, 1.10, -0.24, -0.03, 1.34, -5.65, -0.06)),
 }
 _LAWS_BETWEEN = {
-    "h264": _Law(0.0160, 2.60, Powers(0.40, -0.67, 0.65, -0.41, 0.14, 0.12, -0.02, -0.27)),
+    "h264": _Law(0.0179, 2.78, Powers(0.70, -0.75, 0.72, -0.55, 0.14, 0.15, 0.07, -0.28)),
+    "x264_rd": _Law(0.0173, 2.49, Powers(0.15, -0.34, 0.31, 0.18, 0.17, 0.10, -0.17, -0.27)),
     "hevc": _Law(0.0317, 0.66, Powers(0.00, 0.19, 0.33, 0.60, 0.02, 0.21, -0.19, 0.10)),
+    "x265_ultrafast": _Law(0.0319, 0.52, Powers(0.00, -0.21, 0.68, 0.00, -0.07, 0.21, -0.22, -0.27)),
+    "x265": _Law(0.0273, 0.77, Powers(0.00, -0.43, 0.10, 0.07, 0.09, 0.11, -0.07, 0.02)),
+    "x265_rd": _Law(0.0356, 0.54, Powers(0.00, 0.10, 0.28, 0.51, 0.03, 0.20, -0.07, 0.48)),
 }
 
 
@@ -196,7 +210,7 @@ class CoderPull:
         squares = self._squares
         both = 1 + (squares[0] + squares[1]) / _FAST_PX**2
         return Powers(
-            step=1.0 if math.isnan(step) else step / _STEP,
+            step=1.0 if math.isnan(step) else step / (_STEP + step / _MOST_STEP),
             side=side_px / _SIDE_PX,
             apart=(apart + math.sqrt(apart * even) + _HIDDEN * even) / _APART_PX2,
             grain=min(max(even * side_px / _GRAIN_PX3, _LEAST_GRAIN), _MOST_GRAIN),

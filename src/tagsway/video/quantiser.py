@@ -11,13 +11,19 @@ from tagsway.model import UNKNOWN_CODING, Coding
 EXPORT = {"export_side_data": "venc_params"}
 """What the decoder must be asked for, before it is opened."""
 
-# x264 writes its settings into the first image: 0 moves by whole pixels, 1 corrects little.
-_X264 = re.compile(rb"x264 - core .{0,600}subme=([01]) ", re.DOTALL)
+# x264 and x265 write their settings into the first image or the header. `subme` is how they refine vectors: 0 leaves
+# whole pixels (x264) or nearly so (x265), and x264's 1 is quick. From 6 on it weighs what a vector costs, as x265 does
+# from an `rd` of 3 on.
+_NOTE = {
+    "h264": re.compile(rb"x264 - core .{0,1600}", re.DOTALL),
+    "hevc": re.compile(rb"x265 \(build .{0,1600}", re.DOTALL),
+}
+_SETTING = re.compile(rb" (subme|rd)=(\d+)")
+_WEIGHS = {"h264": 6, "hevc": 3}
 # How much of a step is held back: what MPEG-1 and 2 code at all they put into the middle of the step, hence nearer to
 # the truth.
-_HALF_PIXELS = {"mpeg1video": 0.46, "mpeg2video": 0.46} | dict.fromkeys(
-    ("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.0
-)
+_MPEG = dict.fromkeys(("mpeg1video", "mpeg2video"), 0.46)
+_H263 = dict.fromkeys(("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.0)
 _SUPERFAST = 2.2
 _FIRST_STEP = 0.625  # of H.264, at quantiser 0; it doubles every six
 # Of VP9: the step of the coefficients by index, in eighths; it grows ever faster.
@@ -44,17 +50,31 @@ def find_coder(codec: str, start: bytes) -> tuple[Coding, float]:
     float
         1 for most of them; 0 where the decoder tells no step.
     """
+    settings = _read_note(codec, start)
     if codec == "h264":
-        known = _X264.search(start)
-        whole = known is not None and known[1] == b"0"
-        share = _SUPERFAST if known is not None and not whole else 1.0
-        return Coding(family="whole" if whole else "h264"), share
+        refined = settings.get("subme", 2)
+        if refined == 0:
+            return Coding(family="whole"), 1.0
+        return Coding(family="x264_rd" if refined >= _WEIGHS[codec] else "h264"), _SUPERFAST if refined == 1 else 1.0
     if codec == "hevc":
-        return Coding(family="hevc"), 0.0
+        if not settings:
+            return Coding(family="hevc"), 0.0
+        if settings.get("subme") == 0:
+            return Coding(family="x265_ultrafast"), 0.0
+        return Coding(family="x265_rd" if settings.get("rd", 0) >= _WEIGHS[codec] else "x265"), 0.0
     if codec.endswith("vp9"):
         return Coding(family="vp9"), 1.0 if codec == "vp9" else 0.0
-    share = _HALF_PIXELS.get(codec, 0.0)
+    if codec in ("vp8", "libvpx"):
+        return Coding(family="vp8"), 0.0
+    share = (_MPEG | _H263).get(codec, 0.0)
     return (Coding(family="half"), share) if share else (UNKNOWN_CODING, 0.0)
+
+
+def _read_note(codec: str, start: bytes) -> dict[str, int]:
+    """Return the settings of x264 and x265 that tell of their vectors; nothing where another coder was at work."""
+    pattern = _NOTE.get(codec)
+    note = pattern.search(start) if pattern else None
+    return {name.decode(): int(value) for name, value in _SETTING.findall(note[0])} if note else {}
 
 
 def read_step(picture: Any, codec: str) -> float | None:
@@ -92,4 +112,5 @@ def _measure_steps(quantiser: Any, codec: str, unit: float) -> Any:
         return _FIRST_STEP * 2 ** (quantiser / 6) / unit
     if codec == "vp9":
         return np.interp(quantiser, _INDICES, _EIGHTHS) / 8 / unit
-    return quantiser
+    # These are twice the quantiser. H.263's odd ones put a level one farther out, nearer to what it stands for.
+    return quantiser - (quantiser % 4 == 2) if codec in _H263 else quantiser
