@@ -95,24 +95,25 @@ class CoderPull:
 
         σ² = px² Δᵃ uᵇ nᶜ Lᵈ (1 + v²)ᵉ ((1 + v_i²) / (1 + v_x² + v_y²))ᶠ (1 + w²)ᵍ min(v_i, 1)ʰ
 
-    with the quantiser's step Δ over the contrast, where the decoder tells it; how the blocks differ, u: the variance of
-    the place from the residual's sums over blocks, beyond the one of white noise; that noise, n, which helps
-    corrections over the quantiser's step; the tag's side L; and its speed v, by axis v_i, and turning w, from image to
-    image, each over its own scale.
+    with the quantiser's step Δ over the contrast, where the decoder tells it, as Δ / (1 + Δ / 4Δ₀), so that one beyond
+    half the contrast holds back little more; how the blocks differ, u: the variance of the place from the residual's
+    sums over blocks, beyond the one of white noise; that noise, n, which helps corrections over the quantiser's step;
+    the tag's side L; and its speed v, by axis v_i, and turning w, from image to image, each over its own scale.
 
     A coder that moves blocks by whole or half pixels (x264's preset "ultrafast", MPEG-4 Part 2) leaves the rest of each
     motion to its corrections, so there Δ tells most. H.264 and HEVC have three laws each. An image that is made from
     those before and after it (a B-frame) gets few corrections, and the one after such images, made across them, many: a
     fast or turning tag is off by three times as much in the first. Where each image is made from the one before, as
-    cameras do, it is in between.
+    cameras do, it is in between. Where x264 or x265 told in the film how they choose vectors, that has laws of its own.
 
     An axis that does not move is not held back: the error is no larger than the way of late. What goes beyond all of
     that for some images, `Scatter` sees; it makes the stated errors larger by a factor. Where each image was coded by
     itself the blocks show all, unless it was taken from a film that was not: then the scatter alone counts.
 
     The powers are from rendered films of 20 to 90 px, with noise of 1 to 8 grey levels (H.264 from "ultrafast" to
-    "slow" at crf 12 to 28, with and without B-frames, HEVC, VP9, MPEG-2 and MPEG-4 Part 2; VP8 and AV1 for those of
-    which nothing is known), by the likelihood of their errors; benchmarks/accuracy.py holds them against others.
+    "slow" at crf 12 to 28, HEVC from "ultrafast" to "slow" at 18 to 28, both with and without B-frames, VP8, VP9,
+    MPEG-2 and MPEG-4 Part 2; VP8 and AV1 for those of which nothing is known), by the likelihood of their errors;
+    benchmarks/accuracy.py holds them against others.
     """
 
     def __init__(self) -> None:
