@@ -238,11 +238,6 @@ def draw(seed: int) -> tuple[list[np.ndarray], np.ndarray]:
     return images, np.array(truth)
 
 
-@pytest.fixture(scope="module")
-def drawn() -> tuple[list[np.ndarray], np.ndarray]:
-    return draw(5)
-
-
 def measure_honesty(path: Path, images: list[np.ndarray], truth: np.ndarray, encoder: str, quality: str) -> np.ndarray:
     """Return the normalised variance of each moving tag."""
     preset, number, *more = quality.split(" ")
@@ -282,14 +277,16 @@ CODERS = [
 ]
 
 
-@pytest.mark.parametrize(("encoder", "quality"), CODERS)
-def test_errors_are_honest_in_each_family_of_coders(
-    tmp_path: Path, drawn: tuple[list[np.ndarray], np.ndarray], encoder: str, quality: str
-) -> None:
-    found = measure_honesty(tmp_path / "clip.mkv", *drawn, encoder, quality)
-    # statistics: a moving tag's error is some six independent ones, so 30 % for the mean of four
-    assert 0.5 < np.mean(found[:-1]) < 1.6, found
-    assert found[-1] < 10  # statistics: at rest there is one error for the whole film, of x and y
+def test_errors_are_honest_within_a_fifth_over_all_coders_and_nearly_in_each(tmp_path: Path) -> None:
+    films = [draw(seed) for seed in (5, 6)]
+    found = np.mean(
+        [[measure_honesty(tmp_path / "clip.mkv", *film, *coder) for film in films] for coder in CODERS], axis=1
+    )
+    moving, at_rest = found[:, :-1], found[:, -1]
+    assert 0.8 < np.mean(moving) < 1.2
+    # statistics: a moving tag's error is some six independent ones, so 20 % for the mean of eight tags
+    assert np.all((np.mean(moving, axis=1) > 0.7) & (np.mean(moving, axis=1) < 1.4)), found.round(2)
+    assert np.max(at_rest) < 10  # statistics: at rest there is one error for a whole film, of x and y
 
 
 def test_a_coder_that_loses_nothing_leaves_little_beside_the_image(tmp_path: Path) -> None:
