@@ -2,10 +2,11 @@
 
     python benchmarks/coders.py --sides 20 40 60 90 --noises 1 2 3 5 8 [--only hevc] [--frames 240]
 
-Films of `benchmarks/accuracy.py`, of each size and noise one that nothing else uses, are written in every codec; what
-tells a coder's pull is recorded at each image, and the powers are those of the largest likelihood of the centres'
-errors. By itself it fits one size and noise, in some minutes; all of them take an hour. Beside each law: how much
-larger its mean log-likelihood is, to a coordinate, than that of the law in use.
+Films of `benchmarks/accuracy.py`, of each size and noise one that nothing else uses, are written in every codec that is
+there and in more presets and qualities of them; what tells a coder's pull is recorded at each image, and the powers are
+those of the largest likelihood of the centres' errors. By itself it fits one size and noise, in some minutes; all of
+them take hours. Beside each law: how much larger its mean log-likelihood is, to a coordinate, than that of the law in
+use.
 """
 
 import argparse
@@ -13,7 +14,7 @@ import math
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -30,6 +31,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 import accuracy
 
 RIDGE = 1e-4  # of the powers: two that tell the same share it
+QUALITIES = {  # presets, and their crf or Mb/s; with B-frames, and in line
+    ("libx264", False): "veryfast 23, fast 20, slow 26",
+    ("libx264", True): "superfast 20, faster 18, faster 24, fast 8M, medium 23, slow 20",
+    ("libx265", False): "ultrafast 18, ultrafast 3M, superfast 22, fast 27, fast 3M, medium 18, medium 4M, slow 22",
+    ("libx265", True): "ultrafast 18, ultrafast 24, ultrafast 30, ultrafast 3M, fast 20, fast 27, fast 6M, medium 20, "
+    "medium 26, medium 3M",
+}
 
 
 class Seen(NamedTuple):
@@ -95,15 +103,32 @@ def main() -> None:
         print(f'{kind}: "{family}": {law}  # {gained:+.3f}', flush=True)
 
 
+def list_codecs(only: str) -> Iterator[tuple[str, str, str, dict[str, str], int]]:
+    """Yield the codecs of `accuracy` and more, as these are written there."""
+    more = [
+        ("vp8 20", "libvpx", ".mkv", {"crf": "20", "b": "8000000", "deadline": "good", "cpu-used": "4"}, 0),
+        *((f"av1 {crf}", "libsvtav1", ".mkv", {"crf": crf, "preset": "9"}, 0) for crf in ("30", "45")),
+    ]
+    for (encoder, in_line), qualities in QUALITIES.items():
+        for name in qualities.split(", "):
+            preset, quality = name.split(" ")
+            options = {"preset": preset} | ({"g": "60"} if in_line else {})
+            options |= {"b": quality.replace("M", "000000")} if quality.endswith("M") else {"crf": quality}
+            if encoder == "libx265":
+                options |= accuracy.X265_IN_LINE if in_line else accuracy.X265
+            elif in_line:
+                options["bf"] = "0"
+            more.append((f"{encoder[3:]} {name}" + " in line" * in_line, encoder, ".mp4", options, 0))
+    return (codec for codec in (*accuracy.CODECS, *more) if only in codec[0])
+
+
 def film(side: float, noise: float, seed: int, frames: int, only: str) -> dict[tuple[str, str], list[FloatArray]]:
     """Return what was seen of each tag in each codec, shape (images, 2, 5 + 8) each, by family and kind."""
     accuracy.NOISE = noise
     images = list(accuracy.film(frames, side, seed))
     measured: defaultdict[tuple[str, str], list[FloatArray]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as folder:
-        for name, encoder, suffix, options, quantiser in accuracy.CODECS:
-            if only not in name:
-                continue
+        for _, encoder, suffix, options, quantiser in list_codecs(only):
             path = Path(folder) / f"clip{suffix}"
             accuracy.encode(path, images, encoder, options, quantiser)
             Recorder.seen.clear()
