@@ -24,7 +24,7 @@ _WEIGHS = {"h264": 6, "hevc": 3}
 # the truth.
 _MPEG = dict.fromkeys(("mpeg1video", "mpeg2video"), 0.46)
 _H263 = dict.fromkeys(("mpeg4", "h263", "h263p", "flv", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "wmv1", "wmv2"), 1.0)
-_SUPERFAST = 2.2
+_SUPERFAST = 1.9
 _FIRST_STEP = 0.625  # of H.264, at quantiser 0; it doubles every six
 # Of VP9: the step of the coefficients by index, in eighths; it grows ever faster.
 _INDICES = (0, 1, 95, 120, 137, 150, 180, 215, 255)
